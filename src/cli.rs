@@ -1,0 +1,42 @@
+//! The command `catena`: arguments, printing, progress bars. Everything it does can be done through
+//! the library.
+
+mod arguments;
+mod compose;
+mod demos;
+mod error;
+mod evaluate;
+mod graph;
+mod loaded;
+mod progress;
+mod record;
+mod run;
+mod train;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use arguments::{Arguments, Command};
+
+/// Runs the command line that the process was started with.
+#[must_use]
+pub fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let done = match &arguments.command {
+        Command::Record(a) => record::record(a),
+        Command::Demos(a) => demos::demos(a),
+        Command::Train(a) => train::train(a),
+        Command::Graph(a) => graph::graph(a, &arguments),
+        Command::Compose(a) => compose::compose(a, &arguments),
+        Command::Run(a) => run::run(a, &arguments),
+        Command::Evaluate(a) => evaluate::evaluate(a, &arguments),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{}", error.report());
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,231 @@
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Chains robot behaviour out of demonstrations of single tasks.
+#[derive(Debug, Parser)]
+#[command(name = "catena", version, about, max_term_width = 100)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+    /// Which engine runs the networks.
+    #[arg(long, global = true, value_enum, default_value_t = EngineArgument::Auto)]
+    pub engine: EngineArgument,
+    /// The folder that paths in tasks and compositions are relative to.
+    #[arg(long, global = true, default_value = ".")]
+    pub root: PathBuf,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Record demonstrations of a task in the simulated bedroom, one MCAP file each.
+    Record(RecordArguments),
+    /// Say what is in recordings: topics, cameras, steps, actions, and what was lost.
+    Demos(DemosArguments),
+    /// Train a model on demonstrations and export it as ONNX.
+    Train(TrainArguments),
+    /// Build, merge and look at topological graphs.
+    #[command(subcommand)]
+    Graph(GraphCommand),
+    /// Check a composition and plan it without running it.
+    Compose(ComposeArguments),
+    /// Plan a composition and run it closed-loop in the simulator.
+    Run(RunArguments),
+    /// Measure the success rate of a task or a composition over many episodes.
+    Evaluate(EvaluateArguments),
+}
+
+/// `catena record`
+#[derive(Debug, Args)]
+pub struct RecordArguments {
+    /// The task to demonstrate: sock, trash or wine.
+    pub task: String,
+    /// How many successful demonstrations to record.
+    #[arg(long, default_value_t = 30)]
+    pub demos: usize,
+    /// Seed of the first attempt; the others follow from it.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Where the recordings go.
+    #[arg(long)]
+    pub out: PathBuf,
+    /// How much the world varies from one demonstration to the next.
+    #[arg(long, value_enum, default_value_t = LevelArgument::Paper)]
+    pub level: LevelArgument,
+    /// Vary what other tasks leave behind: a drawer open or shut, a can gone.
+    #[arg(long)]
+    pub vary: bool,
+}
+
+/// `catena demos`
+#[derive(Debug, Args)]
+pub struct DemosArguments {
+    /// MCAP files, or folders of them.
+    #[arg(required = true)]
+    pub paths: Vec<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `catena train`
+#[derive(Debug, Args)]
+pub struct TrainArguments {
+    /// Folders of recordings, one a task.
+    #[arg(required = true)]
+    pub demos: Vec<PathBuf>,
+    /// Where the exported model goes.
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Where checkpoints and losses go; by default a folder beside the model.
+    #[arg(long)]
+    pub run: Option<PathBuf>,
+    /// Size of the network and length of the training.
+    #[arg(long, default_value = "paper")]
+    pub preset: String,
+    /// Seed of weights, batches and the split into training and validation.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Go on from the last checkpoint of the run folder.
+    #[arg(long)]
+    pub resume: bool,
+    /// Stop after so many optimisation steps.
+    #[arg(long)]
+    pub steps: Option<usize>,
+    /// Stop after so many minutes and keep the best checkpoint.
+    #[arg(long)]
+    pub minutes: Option<f64>,
+    /// Bins of each dimension of continuous actions.
+    #[arg(long, default_value_t = 21)]
+    pub bins: usize,
+}
+
+/// `catena graph ...`
+#[derive(Debug, Subcommand)]
+pub enum GraphCommand {
+    /// Build the graph of one task from its demonstrations.
+    Build(GraphBuildArguments),
+    /// Merge graphs of several tasks through learned cross-task edges.
+    Merge(GraphMergeArguments),
+    /// Say what is in a graph: nodes, edges by kind, components, end states.
+    Show(GraphShowArguments),
+}
+
+/// `catena graph build`
+#[derive(Debug, Args)]
+pub struct GraphBuildArguments {
+    /// The task's YAML file.
+    pub task: PathBuf,
+    /// The recordings; by default those that the task names.
+    #[arg(long)]
+    pub demos: Option<PathBuf>,
+    /// The exported model.
+    #[arg(long)]
+    pub model: PathBuf,
+    /// Where the graph goes; by default where the task says.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+/// `catena graph merge`
+#[derive(Debug, Args)]
+pub struct GraphMergeArguments {
+    /// Graph folders in the order of their tasks.
+    #[arg(required = true, num_args = 2..)]
+    pub graphs: Vec<PathBuf>,
+    /// The exported model that all of them were built with.
+    #[arg(long)]
+    pub model: PathBuf,
+    /// Where the merged graph goes.
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Also draw it as SVG.
+    #[arg(long)]
+    pub svg: Option<PathBuf>,
+}
+
+/// `catena graph show`
+#[derive(Debug, Args)]
+pub struct GraphShowArguments {
+    /// A graph folder.
+    pub graph: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `catena compose`
+#[derive(Debug, Args)]
+pub struct ComposeArguments {
+    /// The composition's YAML file.
+    pub file: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `catena run`
+#[derive(Debug, Args)]
+pub struct RunArguments {
+    /// The composition's YAML file.
+    pub file: PathBuf,
+    /// Seed of the episode.
+    #[arg(long, default_value_t = 7)]
+    pub seed: u64,
+    /// Where the results go; by default `out/` and the composition's name.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+/// `catena evaluate`
+#[derive(Debug, Args)]
+pub struct EvaluateArguments {
+    /// A task's name, or the YAML file of a composition.
+    pub target: String,
+    /// Number of episodes.
+    #[arg(long, default_value_t = 50)]
+    pub episodes: usize,
+    /// Seed of the first episode; the others follow one by one.
+    #[arg(long, default_value_t = 100)]
+    pub seed: u64,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// How much the world varies.
+    #[arg(long, value_enum, default_value_t = LevelArgument::Paper)]
+    pub level: LevelArgument,
+    /// How to plan: with subgoals in order, or the paper's way.
+    #[arg(long, value_enum, default_value_t = PlannerArgument::InOrder)]
+    pub planner: PlannerArgument,
+}
+
+/// Level of variation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LevelArgument {
+    /// One real room, objects put back by hand.
+    Paper,
+    /// Twice the poses; textures, colours and clutter drawn anew.
+    Hard,
+}
+
+/// Way of planning.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PlannerArgument {
+    /// Subgoals in order: no plan skips one.
+    InOrder,
+    /// The shortest path over the merged graph, as in the paper.
+    Unconstrained,
+}
+
+/// Inference engine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum EngineArgument {
+    /// ONNX Runtime if it is found, else the embedded engine.
+    Auto,
+    /// ONNX Runtime or an error.
+    Native,
+    /// The engine that is compiled in.
+    Embedded,
+}

@@ -1,0 +1,144 @@
+use std::fmt::Write as _;
+
+use serde::Serialize;
+
+use super::arguments::{Arguments, ComposeArguments};
+use super::error::CliError;
+use super::loaded::Loaded;
+use crate::graph::TopologicalGraph;
+use crate::planner::{Audit, Plan, Planner};
+
+/// What a plan looks like to a program.
+#[derive(Serialize)]
+pub(super) struct PlanReport {
+    name: String,
+    tasks: Vec<String>,
+    subgoals: Vec<String>,
+    steps: u32,
+    cost: f64,
+    final_state: String,
+    route: Vec<String>,
+    audit: Audit,
+    unconstrained: Option<UnconstrainedReport>,
+}
+
+/// What the paper would plan.
+#[derive(Serialize)]
+struct UnconstrainedReport {
+    steps: u32,
+    final_state: String,
+    audit: Audit,
+}
+
+/// A plan with what there is to say of it.
+pub(super) struct Planned {
+    pub(super) planner: Planner,
+    pub(super) plan: Plan,
+    pub(super) report: PlanReport,
+}
+
+/// Plans a composition from its start.
+pub(super) fn plan(loaded: &Loaded) -> Result<Planned, CliError> {
+    let planner = loaded.planner(loaded.composition.planner.clone())?;
+    let plan = planner.plan_from_start().map_err(CliError::NoPath)?;
+    let unconstrained = loaded.paper_plan()?.map(|(paper, plan)| UnconstrainedReport {
+        steps: plan.steps,
+        final_state: end_of(&loaded.graph, &plan),
+        audit: paper.audit(&plan),
+    });
+    let automaton = &loaded.composition.automaton;
+    let report = PlanReport {
+        name: loaded.composition.name.clone(),
+        tasks: automaton.tasks().to_vec(),
+        subgoals: automaton.subgoals().iter().map(|s| s.name.clone()).collect(),
+        steps: plan.steps,
+        cost: plan.cost,
+        final_state: end_of(&loaded.graph, &plan),
+        route: plan.route.iter().map(|n| loaded.graph.node(*n).place()).collect(),
+        audit: planner.audit(&plan),
+        unconstrained,
+    };
+    Ok(Planned {
+        planner,
+        plan,
+        report,
+    })
+}
+
+fn end_of(graph: &TopologicalGraph, plan: &Plan) -> String {
+    plan.route.last().map(|n| graph.node(*n).place()).unwrap_or_default()
+}
+
+/// The plan in words: the way through each task, its subgoals with the step at which they are due, the
+/// final state, and the audit.
+pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
+    let graph = &loaded.graph;
+    let report = &planned.report;
+    let mut text = String::new();
+    let _ = writeln!(
+        text,
+        "{}: {} states, {} edges, of which {} cross-task",
+        report.name,
+        graph.node_count(),
+        graph.edge_count(),
+        graph.edges().filter(|(_, _, e)| e.kind == crate::graph::EdgeKind::CrossTask).count(),
+    );
+    let _ = writeln!(text, "plan: {} steps to the final state {}", report.steps, report.final_state);
+    let mut task = "";
+    for (i, node) in planned.plan.route.iter().enumerate() {
+        let node = graph.node(*node);
+        if node.task != task {
+            task = &node.task;
+            let _ = writeln!(text, "  {task}: joins {}", node.place());
+        }
+        for subgoal in &node.reached {
+            let _ = writeln!(text, "    step {i:>3}  {}", subgoal.name);
+        }
+    }
+    let _ = writeln!(text, "audit of the plan: {}", report.audit);
+    match &report.unconstrained {
+        Some(paper) if paper.audit.is_clean() => {
+            let _ = writeln!(text, "the unconstrained plan of the paper: {} steps, skips nothing", paper.steps);
+        }
+        Some(paper) => {
+            let _ = writeln!(text, "the unconstrained plan of the paper: {} steps, and it", paper.steps);
+            for line in paper.audit.to_string().lines() {
+                let _ = writeln!(text, "  {line}");
+            }
+        }
+        None => {
+            let _ = writeln!(text, "the unconstrained plan of the paper finds no route");
+        }
+    }
+    for seam in &loaded.merge_report.seams {
+        let _ = writeln!(
+            text,
+            "seam {} -> {}: {} of {} pairs connected{}",
+            seam.from_task,
+            seam.to_task,
+            seam.accepted,
+            seam.pair_count,
+            if seam.below_rule > 0 {
+                format!(", {} more kept as the best there is", seam.below_rule)
+            } else {
+                String::new()
+            },
+        );
+    }
+    text
+}
+
+/// `catena compose`
+pub(super) fn compose(
+    compose_arguments: &ComposeArguments,
+    arguments: &Arguments,
+) -> Result<(), CliError> {
+    let loaded = Loaded::load(&compose_arguments.file.to_string_lossy(), arguments)?;
+    let planned = plan(&loaded)?;
+    if compose_arguments.json {
+        println!("{}", serde_json::to_string_pretty(&planned.report)?);
+    } else {
+        print!("{}", describe(&loaded, &planned));
+    }
+    Ok(())
+}

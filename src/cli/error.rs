@@ -1,0 +1,134 @@
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::composer::{Diagnostics, Rendering};
+use crate::environment::EnvironmentError;
+use crate::graph::GraphError;
+use crate::inference::InferenceError;
+use crate::model::ModelError;
+use crate::planner::{NoPath, PlannerError};
+use crate::rollout::RolloutError;
+use crate::storage::StorageError;
+use crate::task::TaskError;
+use crate::training::TrainingError;
+use crate::trajectory::TrajectoryError;
+use crate::view::ViewError;
+
+/// Why a command failed; the rooms' errors as they are, and what only the command line knows.
+#[derive(Debug, Error)]
+pub(super) enum CliError {
+    /// Faults of YAML files.
+    #[error(transparent)]
+    Composer(#[from] Diagnostics),
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
+    #[error(transparent)]
+    Graph(#[from] GraphError),
+    #[error(transparent)]
+    Inference(#[from] InferenceError),
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    #[error(transparent)]
+    Planner(#[from] PlannerError),
+    #[error(transparent)]
+    Rollout(#[from] RolloutError),
+    #[error(transparent)]
+    Storage(#[from] StorageError),
+    #[error(transparent)]
+    Task(#[from] TaskError),
+    #[error(transparent)]
+    Training(#[from] TrainingError),
+    #[error(transparent)]
+    Trajectory(#[from] TrajectoryError),
+    #[error(transparent)]
+    View(#[from] ViewError),
+    /// There is no plan.
+    #[error("{0}")]
+    NoPath(NoPath),
+    /// A task that the bedroom does not know.
+    #[error("the bedroom has no task '{found}'; it has: {known}")]
+    UnknownTask {
+        /// What was asked for.
+        found: String,
+        /// What there is.
+        known: String,
+    },
+    /// A preset that does not exist.
+    #[error("there is no preset '{found}'; there are: {known}")]
+    UnknownPreset {
+        /// What was asked for.
+        found: String,
+        /// What there is.
+        known: String,
+    },
+    /// A training was begun there.
+    #[error("{} holds a training already: go on with --resume, or name another folder with --run", run.display())]
+    RunExists {
+        /// The run folder.
+        run: PathBuf,
+    },
+    /// The operator fails again and again.
+    #[error("only {recorded} of {attempts} attempts at '{task}' succeeded; the {wanted} wanted are out of reach")]
+    OperatorFails {
+        /// The task.
+        task: String,
+        /// Successful demonstrations.
+        recorded: usize,
+        /// Attempts.
+        attempts: usize,
+        /// What was asked for.
+        wanted: usize,
+    },
+    /// A composition without a simulated world that is known here.
+    #[error("'{composition}' names the world {found}; write 'environment: {{bedroom: {{start: sock}}}}' to run it in the simulated bedroom")]
+    UnknownWorld {
+        /// The composition.
+        composition: String,
+        /// What it names.
+        found: String,
+    },
+    /// A folder of the results cannot be made.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A result cannot be written as JSON.
+    #[error("the result cannot be written as JSON: {0}")]
+    Json(#[from] serde_json::Error),
+    /// Some recordings could not be read; each was named.
+    #[error("{failed} of {all} recordings could not be read")]
+    RecordingsFailed {
+        /// How many failed.
+        failed: usize,
+        /// How many there were.
+        all: usize,
+    },
+}
+
+impl CliError {
+    /// What is printed: faults of YAML files with their lines, everything else as one line with its
+    /// causes.
+    pub(super) fn report(&self) -> String {
+        if let Self::Composer(diagnostics) = self {
+            let style = match std::io::IsTerminal::is_terminal(&std::io::stderr()) {
+                true => Rendering::Colour,
+                false => Rendering::Plain,
+            };
+            return diagnostics.render(style);
+        }
+        let mut text = format!("error: {self}");
+        let mut cause = std::error::Error::source(self);
+        while let Some(source) = cause {
+            let line = source.to_string();
+            if !text.contains(&line) {
+                text.push_str(&format!("\n  because: {line}"));
+            }
+            cause = source.source();
+        }
+        text
+    }
+}

@@ -1,0 +1,175 @@
+use std::path::PathBuf;
+
+use super::arguments::{
+    Arguments, GraphBuildArguments, GraphCommand, GraphMergeArguments, GraphShowArguments,
+};
+use super::error::CliError;
+use super::loaded::{GraphFolders, merge_options, show as show_progress};
+use super::progress;
+use crate::composer::load_task;
+use crate::graph::{BuildOptions, GraphStatistics, NodeId, TopologicalGraph, build, merge};
+use crate::inference::Model;
+use crate::storage::{
+    GraphImage, GraphManifest, demonstrations_digest, load_demonstrations, load_graph,
+    load_manifest, save_graph, save_graph_with_images,
+};
+use crate::task::{Subgoal, Task, locate_subgoals};
+use crate::trajectory::DemonstrationSet;
+use crate::view::write_merged_graph_svg;
+
+/// Cross-task edges that `graph show` lists.
+const LISTED_EDGES: usize = 8;
+
+/// `catena graph ...`
+pub(super) fn graph(command: &GraphCommand, arguments: &Arguments) -> Result<(), CliError> {
+    match command {
+        GraphCommand::Build(a) => build_graph(a, arguments),
+        GraphCommand::Merge(a) => merge_graphs(a, arguments),
+        GraphCommand::Show(a) => show(a),
+    }
+}
+
+fn build_graph(build_arguments: &GraphBuildArguments, arguments: &Arguments) -> Result<(), CliError> {
+    let task = load_task(&build_arguments.task, &arguments.root)?;
+    let model = Model::load(&build_arguments.model, arguments.engine.into())?;
+    let paths = match &build_arguments.demos {
+        Some(demos) => vec![demos.clone()],
+        None => task.demonstrations.clone(),
+    };
+    let out = build_arguments.out.clone().unwrap_or_else(|| task.graph.clone());
+    let options = BuildOptions::default();
+    let digest = demonstrations_digest(&paths)?;
+    if is_up_to_date(&out, &model.digest(), &digest, &serde_json::to_value(&options)?) {
+        println!("{} is up to date", out.display());
+        return Ok(());
+    }
+    let (set, reports) = load_demonstrations(&paths, &task.task.name)?;
+    for report in reports.iter().filter(|r| !r.losses.is_empty()) {
+        eprintln!("warning: {report}");
+    }
+    let set = in_model_space(set, &model)?;
+    let subgoals: Vec<Vec<(Subgoal, usize)>> = set
+        .trajectories()
+        .iter()
+        .map(|t| locate_subgoals(&task.rules, t))
+        .collect::<Result<_, _>>()?;
+    let bar = progress::bar("building", 0);
+    let graph = build(&set, &subgoals, &model, &model, &options, &|p| show_progress(&bar, p))?;
+    bar.finish_and_clear();
+    let manifest = GraphManifest::new(
+        std::slice::from_ref(&task.task),
+        model.digest(),
+        digest,
+        serde_json::to_value(&options)?,
+    );
+    save_graph_with_images(&out, &graph, &manifest, pictures(&set, &graph))?;
+    println!("{}\nin {}", GraphStatistics::new(&graph, LISTED_EDGES), out.display());
+    Ok(())
+}
+
+/// Whether a graph of the same model, demonstrations and options is there: a killed build goes on with
+/// the tasks that are missing.
+fn is_up_to_date(
+    folder: &std::path::Path,
+    model: &str,
+    demonstrations: &str,
+    options: &serde_json::Value,
+) -> bool {
+    load_manifest(folder).is_ok_and(|m| {
+        m.model_digest == model
+            && m.demonstrations_digest == demonstrations
+            && m.build_options == *options
+    })
+}
+
+/// The demonstrations with the model's action space, which has bins where the recordings have none.
+fn in_model_space(set: DemonstrationSet, model: &Model) -> Result<DemonstrationSet, CliError> {
+    let mut trajectories = set.trajectories().to_vec();
+    for trajectory in &mut trajectories {
+        trajectory.action_space = model.manifest().spec.action_space.clone();
+    }
+    Ok(DemonstrationSet::new(set.task(), trajectories)?)
+}
+
+/// The pictures of all states in the order of the graph's nodes.
+fn pictures<'a>(
+    set: &'a DemonstrationSet,
+    graph: &'a TopologicalGraph,
+) -> impl Iterator<Item = GraphImage> + 'a {
+    let steps = set.trajectories().iter().flat_map(|t| &t.steps);
+    graph.nodes().zip(steps).flat_map(|((node, _), step)| {
+        step.observation.iter().map(move |(camera, image)| GraphImage {
+            node,
+            camera: camera.to_owned(),
+            image: image.clone(),
+        })
+    })
+}
+
+fn merge_graphs(merge_arguments: &GraphMergeArguments, arguments: &Arguments) -> Result<(), CliError> {
+    let model = Model::load(&merge_arguments.model, arguments.engine.into())?;
+    let folders = GraphFolders::load(&merge_arguments.graphs, &model)?;
+    let graphs: Vec<&TopologicalGraph> = folders.graphs.iter().collect();
+    let options = merge_options();
+    let bar = progress::bar("merging", 0);
+    let merged = merge(&graphs, &[], &model, &options, &|p| show_progress(&bar, p))?;
+    bar.finish_and_clear();
+    let tasks: Vec<Task> = folders.manifests.iter().flat_map(tasks_of).collect();
+    let digests: Vec<&str> = folders
+        .manifests
+        .iter()
+        .map(|m| m.demonstrations_digest.as_str())
+        .collect();
+    let manifest = GraphManifest::new(
+        &tasks,
+        model.digest(),
+        digests.join("+"),
+        serde_json::to_value(&options)?,
+    );
+    save_graph(&merge_arguments.out, &merged.graph, &manifest)?;
+    println!(
+        "{}\nin {}",
+        GraphStatistics::new(&merged.graph, LISTED_EDGES),
+        merge_arguments.out.display()
+    );
+    if let Some(svg) = &merge_arguments.svg {
+        let names: Vec<&str> = tasks.iter().map(|t| t.name.as_str()).collect();
+        write_merged_graph_svg(svg, &merged.graph, None, &names.join(" + "))?;
+        println!("drawn in {}", svg.display());
+    }
+    Ok(())
+}
+
+fn tasks_of(manifest: &GraphManifest) -> Vec<Task> {
+    let task = |t: &crate::storage::GraphTask| Task {
+        name: t.name.clone(),
+        subgoals: t
+            .subgoals
+            .iter()
+            .map(|name| Subgoal {
+                task: t.name.clone(),
+                name: name.clone(),
+            })
+            .collect(),
+    };
+    manifest.tasks.iter().map(task).collect()
+}
+
+fn show(arguments: &GraphShowArguments) -> Result<(), CliError> {
+    let (graph, manifest) = load_graph(&arguments.graph)?;
+    let statistics = GraphStatistics::new(&graph, LISTED_EDGES);
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&statistics)?);
+        return Ok(());
+    }
+    println!("{statistics}");
+    println!("model {}", &manifest.model_digest[..12.min(manifest.model_digest.len())]);
+    let ends: Vec<NodeId> = graph.nodes().filter(|(_, n)| n.is_end).map(|(id, _)| id).collect();
+    println!("end states: {}", ends.len());
+    Ok(())
+}
+
+/// Where a folder would go; kept here so that commands name it alike.
+pub(super) fn results_folder(name: &str) -> PathBuf {
+    PathBuf::from("out").join(name)
+}

@@ -1,0 +1,175 @@
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use indicatif::ProgressBar;
+
+use super::arguments::{Arguments, EngineArgument};
+use super::error::CliError;
+use super::progress;
+use crate::composer::{Composition, compose_named};
+use crate::graph::{
+    CrossTaskCandidates, GraphProgress, MergeOptions, MergeReport, TopologicalGraph, merge,
+};
+use crate::inference::{EngineChoice, Model};
+use crate::planner::{Plan, Planner, PlannerOptions, Search};
+use crate::rollout::{RolloutModel, RolloutOptions};
+use crate::simulator::BedroomConfig;
+use crate::storage::{GraphImages, GraphManifest, ensure_same_model, load_graph};
+
+/// How far from the end of one task and the start of the next cross-task edges are looked for.
+const SEAM_WINDOW_STEPS: u32 = 10;
+/// Pairs elsewhere that are scored too, each two tasks and direction, so that the audit of the paper's
+/// plan meets the wormholes that are there.
+const SAMPLED_PAIRS: u32 = 100_000;
+
+impl From<EngineArgument> for EngineChoice {
+    fn from(argument: EngineArgument) -> Self {
+        match argument {
+            EngineArgument::Auto => Self::Auto,
+            EngineArgument::Native => Self::Native,
+            EngineArgument::Embedded => Self::Tract,
+        }
+    }
+}
+
+/// How graphs are merged on the command line.
+pub(super) fn merge_options() -> MergeOptions {
+    MergeOptions {
+        candidates: CrossTaskCandidates::SeamAndSample {
+            window_steps: SEAM_WINDOW_STEPS,
+            pairs: SAMPLED_PAIRS,
+            seed: 0,
+        },
+        ..MergeOptions::default()
+    }
+}
+
+/// Graph folders with the graphs in them.
+pub(super) struct GraphFolders {
+    pub(super) graphs: Vec<TopologicalGraph>,
+    pub(super) manifests: Vec<GraphManifest>,
+}
+
+impl GraphFolders {
+    /// Loads graphs, and refuses those that another model built.
+    pub(super) fn load(folders: &[PathBuf], model: &Model) -> Result<Self, CliError> {
+        let mut loaded = Self {
+            graphs: Vec::new(),
+            manifests: Vec::new(),
+        };
+        for folder in folders {
+            let (graph, manifest) = load_graph(folder)?;
+            ensure_same_model(&manifest.model_digest, &model.digest())?;
+            loaded.graphs.push(graph);
+            loaded.manifests.push(manifest);
+        }
+        Ok(loaded)
+    }
+}
+
+/// A composition with everything that planning and running it needs.
+pub(super) struct Loaded {
+    pub(super) composition: Composition,
+    pub(super) model: Model,
+    pub(super) graph: Arc<TopologicalGraph>,
+    pub(super) images: Vec<GraphImages>,
+    pub(super) merge_report: MergeReport,
+}
+
+impl Loaded {
+    /// Reads a composition or a task, its model and graphs, and merges the graphs.
+    pub(super) fn load(name_or_path: &str, arguments: &Arguments) -> Result<Self, CliError> {
+        let composition = compose_named(name_or_path, &arguments.root)?;
+        composition.check_files()?;
+        let model = Model::load(&composition.model, arguments.engine.into())?;
+        let folders: Vec<PathBuf> = composition.tasks.iter().map(|t| t.graph.clone()).collect();
+        let loaded = GraphFolders::load(&folders, &model)?;
+        let images = folders
+            .iter()
+            .map(|f| GraphImages::open(f))
+            .collect::<Result<_, _>>()?;
+        let bar = progress::bar("merging", 0);
+        let merged = merge_all(&loaded.graphs, &composition, &model, &bar)?;
+        bar.finish_and_clear();
+        composition.check_against(&merged.0)?;
+        Ok(Self {
+            composition,
+            model,
+            graph: Arc::new(merged.0),
+            images,
+            merge_report: merged.1,
+        })
+    }
+
+    /// A planner with these options.
+    pub(super) fn planner(&self, options: PlannerOptions) -> Result<Planner, CliError> {
+        Ok(Planner::new(
+            Arc::clone(&self.graph),
+            &self.composition.automaton,
+            &self.composition.final_choice,
+            options,
+        )?)
+    }
+
+    /// What the paper would plan, to be audited; none where it finds no way.
+    pub(super) fn paper_plan(&self) -> Result<Option<(Planner, Plan)>, CliError> {
+        let planner = self.planner(PlannerOptions {
+            search: Search::Unconstrained,
+            ..PlannerOptions::paper()
+        })?;
+        let plan = planner.plan_from_start().ok();
+        Ok(plan.map(|plan| (planner, plan)))
+    }
+
+    pub(super) fn rollout_model(&self) -> RolloutModel<'_> {
+        RolloutModel {
+            encoder: &self.model,
+            traversability: &self.model,
+            policy: &self.model,
+        }
+    }
+
+    pub(super) fn rollout_options(&self) -> RolloutOptions {
+        RolloutOptions {
+            max_steps: self.composition.limits.steps as usize,
+            on_shortcut: self.composition.on_shortcut,
+            ..RolloutOptions::default()
+        }
+    }
+
+    /// The bedroom that the composition starts in.
+    pub(super) fn bedroom(&self) -> Result<BedroomConfig, CliError> {
+        match &self.composition.environment {
+            Some(environment) if environment.kind.value == "bedroom" => {
+                Ok(environment.settings_as()?)
+            }
+            other => Err(CliError::UnknownWorld {
+                composition: self.composition.name.clone(),
+                found: other
+                    .as_ref()
+                    .map_or_else(|| "none".to_owned(), |e| format!("'{}'", e.kind.value)),
+            }),
+        }
+    }
+}
+
+fn merge_all(
+    graphs: &[TopologicalGraph],
+    composition: &Composition,
+    model: &Model,
+    bar: &ProgressBar,
+) -> Result<(TopologicalGraph, MergeReport), CliError> {
+    if let [graph] = graphs {
+        return Ok((graph.clone(), MergeReport::default()));
+    }
+    let order: Vec<&str> = composition.automaton.tasks().iter().map(String::as_str).collect();
+    let graphs: Vec<&TopologicalGraph> = graphs.iter().collect();
+    let merged = merge(&graphs, &order, model, &merge_options(), &|p| show(bar, p))?;
+    Ok((merged.graph, merged.report))
+}
+
+/// Moves a bar to how far the work is.
+pub(super) fn show(bar: &ProgressBar, progress: GraphProgress) {
+    bar.set_length(progress.total);
+    bar.set_position(progress.done);
+}

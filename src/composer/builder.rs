@@ -1,0 +1,176 @@
+use std::path::{Path, PathBuf};
+
+use super::composition::Composition;
+use super::composition_spec::{CompositionSpec, Limits, OnShortcut};
+use super::diagnostic::Diagnostic;
+use super::diagnostic::Faults;
+use super::diagnostics::Diagnostics;
+use super::environment_config::EnvironmentConfig;
+use super::reader::name_fault;
+use super::resolved_task::ResolvedTask;
+use crate::planner::{FinalChoice, PlannerOptions};
+
+/// Makes a [`Composition`] in Rust, with the same checks as of a file.
+///
+/// ```
+/// use catena::composer::{Composition, FoundBy, OnShortcut, TaskSpec};
+///
+/// let task = |name: &str| {
+///     TaskSpec::new(name, format!("graphs/{name}"))
+///         .subgoal("reached", FoundBy::End)
+///         .resolve("project".as_ref())
+/// };
+/// let composition = Composition::builder("two")
+///     .task(task("first")?)
+///     .task(task("second")?)
+///     .model("project/graphs/model")
+///     .on_shortcut(OnShortcut::Stop)
+///     .step_limit(200)
+///     .build()?;
+/// assert_eq!(composition.automaton.tasks(), ["first", "second"]);
+/// # Ok::<(), catena::composer::Diagnostics>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct CompositionBuilder {
+    spec: CompositionSpec,
+    tasks: Vec<ResolvedTask>,
+}
+
+impl Composition {
+    /// A builder without tasks.
+    #[must_use]
+    pub fn builder(name: impl Into<String>) -> CompositionBuilder {
+        CompositionBuilder {
+            spec: CompositionSpec {
+                name: Some(name.into().into()),
+                ..CompositionSpec::default()
+            },
+            tasks: Vec::new(),
+        }
+    }
+}
+
+impl CompositionBuilder {
+    /// A task to be done after those before it.
+    #[must_use]
+    pub fn task(mut self, task: ResolvedTask) -> Self {
+        self.spec.tasks.push(task.spec.name.clone());
+        self.tasks.push(task);
+        self
+    }
+
+    /// Folder of the model; by default the one that all tasks name.
+    #[must_use]
+    pub fn model(mut self, folder: impl Into<PathBuf>) -> Self {
+        self.spec.model = Some(folder.into().into());
+        self
+    }
+
+    /// Which end state of the last task the run leads to.
+    #[must_use]
+    pub fn final_choice(mut self, choice: FinalChoice) -> Self {
+        self.spec.final_choice = choice.into();
+        self
+    }
+
+    /// What to do on a shortcut.
+    #[must_use]
+    pub fn on_shortcut(mut self, on_shortcut: OnShortcut) -> Self {
+        self.spec.on_shortcut = on_shortcut;
+        self
+    }
+
+    /// How to plan.
+    #[must_use]
+    pub fn planner(mut self, options: PlannerOptions) -> Self {
+        self.spec.planner = options;
+        self
+    }
+
+    /// Time steps after which a run ends.
+    #[must_use]
+    pub fn step_limit(mut self, steps: u32) -> Self {
+        self.spec.limits = Limits { steps }.into();
+        self
+    }
+
+    /// The simulated world to start in.
+    #[must_use]
+    pub fn environment(mut self, environment: EnvironmentConfig) -> Self {
+        self.spec.environment = Some(environment);
+        self
+    }
+
+    /// Checks everything.
+    ///
+    /// # Errors
+    /// All faults: no tasks, one twice, no model, a limit out of range, a name that cannot be part of
+    /// a path.
+    pub fn build(self) -> Result<Composition, Diagnostics> {
+        let mut faults = Faults::default();
+        let name = self.spec.name.as_ref().map_or("", |n| &n.value).to_owned();
+        if let Some(fault) = name_fault(&name, "the name of a composition") {
+            faults.add(fault);
+        }
+        if self.tasks.is_empty() {
+            faults.add(Diagnostic::error(format!(
+                "composition '{name}' has no tasks"
+            )));
+        }
+        let steps = self.spec.limits.value.steps;
+        if !(1..=Limits::MAX_STEPS).contains(&steps) {
+            let message = format!("{steps} steps are out of range");
+            let help = format!("choose a number within 1..={}", Limits::MAX_STEPS);
+            faults.add(Diagnostic::error(message).help(help));
+        }
+        let tasks = self.tasks.into_iter().map(Some).collect();
+        let composition = Composition::resolve(self.spec, tasks, &name, Path::new(""), &mut faults);
+        Composition::finish(composition, faults)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::composer::{FoundBy, TaskSpec};
+
+    fn task(name: &str) -> Result<ResolvedTask, Diagnostics> {
+        TaskSpec::new(name, "graphs/x")
+            .subgoal("reached", FoundBy::End)
+            .resolve(Path::new("root"))
+    }
+
+    #[test]
+    fn all_faults_are_told() {
+        let built = Composition::builder("no good")
+            .task(task("a").unwrap())
+            .task(task("a").unwrap())
+            .step_limit(0)
+            .build();
+        let faults = built.unwrap_err().to_string();
+        assert_eq!(
+            faults,
+            "'no good' cannot be the name of a composition\n\
+             0 steps are out of range\n\
+             the task 'a' is to be done twice\n\
+             0 steps are too few for 2 subgoals\n\
+             neither the composition nor its tasks name a model"
+        );
+        let empty = Composition::builder("empty")
+            .model("m")
+            .build()
+            .unwrap_err();
+        assert_eq!(empty.to_string(), "composition 'empty' has no tasks");
+    }
+
+    #[test]
+    fn tasks_are_checked_too() {
+        let bare = TaskSpec::new("a/b", "graphs/x").resolve(Path::new(""));
+        let faults = bare.unwrap_err().to_string();
+        assert_eq!(
+            faults,
+            "'a/b' cannot be the name of a task\ntask 'a/b' has no subgoals"
+        );
+        assert_eq!(task("a").unwrap().graph, Path::new("root/graphs/x"));
+    }
+}

@@ -1,0 +1,209 @@
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use super::composition::Composition;
+use super::diagnostic::{Diagnostic, Faults};
+use super::diagnostics::Diagnostics;
+use super::reader::{listed, suggestion};
+use super::resolved_task::ResolvedTask;
+use super::source::Origin;
+use crate::graph::{Node, TopologicalGraph};
+use crate::planner::FinalChoice;
+
+impl Composition {
+    /// Whether the folders of the graphs and of the model are there.
+    ///
+    /// # Errors
+    /// A diagnostic for each that is missing, at the line that names it, with the command that makes it.
+    pub fn check_files(&self) -> Result<(), Diagnostics> {
+        let mut faults = Faults::default();
+        let mut check = |path: &Path, what: String, origin: Option<&Origin>, help: String| {
+            if !path.is_dir() {
+                let message = format!("{what} is not there: {} is no folder", path.display());
+                faults.add(Diagnostic::error(message).at_any(origin).help(help));
+            }
+        };
+        let model = self.model.display();
+        for task in &self.tasks {
+            let name = &task.task.name;
+            let help = format!("build it: catena graph build tasks/{name}.yaml --model {model}");
+            let origin = task.spec.graph.origin.as_ref();
+            check(&task.graph, format!("the graph of '{name}'"), origin, help);
+        }
+        let written = self.spec.model.as_ref();
+        let written = written.or_else(|| self.tasks.iter().find_map(|t| t.spec.model.as_ref()));
+        let folders: Vec<_> = self.tasks.iter().flat_map(|t| &t.demonstrations).collect();
+        let folders: Vec<_> = folders.iter().map(|d| d.display().to_string()).collect();
+        let help = format!("train it: catena train {} --out {model}", folders.join(" "));
+        let origin = written.and_then(|m| m.origin.as_ref());
+        check(&self.model, "the model".to_owned(), origin, help);
+        passed(faults)
+    }
+
+    /// Whether a graph, usually the merged one, knows the tasks, their subgoals and the final state.
+    ///
+    /// # Errors
+    /// A diagnostic for each task without states, each subgoal that no state reaches, and a final
+    /// state that no demonstration has, at the line that names it.
+    pub fn check_against(&self, graph: &TopologicalGraph) -> Result<(), Diagnostics> {
+        let mut faults = Faults::default();
+        for task in &self.tasks {
+            let nodes = graph.nodes().map(|(_, n)| n);
+            let nodes: Vec<&Node> = nodes.filter(|n| n.task == task.task.name).collect();
+            if nodes.is_empty() {
+                let message = format!("the graph has no state of task '{}'", task.task.name);
+                let tasks: BTreeSet<&str> = graph.nodes().map(|(_, n)| n.task.as_str()).collect();
+                let help = format!("its states are of: {}", listed(tasks));
+                let origin = task.spec.graph.origin.as_ref();
+                faults.add(Diagnostic::error(message).at_any(origin).help(help));
+            } else {
+                check_subgoals(task, &nodes, &mut faults);
+            }
+        }
+        self.check_final_state(graph, &mut faults);
+        passed(faults)
+    }
+
+    fn check_final_state(&self, graph: &TopologicalGraph, faults: &mut Faults) {
+        let Some(task) = self.tasks.last().map(|t| t.task.name.as_str()) else {
+            return;
+        };
+        let nodes = graph.nodes().map(|(_, n)| n);
+        let ends: BTreeSet<&str> = nodes
+            .filter(|n| n.is_end && n.task == task)
+            .map(|n| n.trajectory.as_str())
+            .collect();
+        let origin = self.spec.final_choice.origin.as_ref();
+        match &self.final_choice {
+            FinalChoice::Demonstration(id) if !ends.contains(id.as_str()) => {
+                let message = format!("no demonstration '{id}' of task '{task}' is in the graph");
+                let fault = Diagnostic::error(message).at_any(origin);
+                faults.add(fault.help(suggestion(id, ends, "there are")));
+            }
+            _ => {}
+        }
+    }
+}
+
+fn check_subgoals(task: &ResolvedTask, nodes: &[&Node], faults: &mut Faults) {
+    let seen = nodes.iter().flat_map(|n| &n.reached);
+    let seen: BTreeSet<&str> = seen.map(|s| s.name.as_str()).collect();
+    for (subgoal, spec) in task.task.subgoals.iter().zip(&task.spec.subgoals) {
+        if seen.contains(subgoal.name.as_str()) {
+            continue;
+        }
+        let message = format!(
+            "the graph of '{}' has never seen the subgoal '{}'",
+            task.task.name, subgoal.name
+        );
+        let known = if seen.is_empty() {
+            "it has seen none".to_owned()
+        } else {
+            suggestion(&subgoal.name, seen.iter().copied(), "it has seen")
+        };
+        let help = format!("{known}; if the task has changed, build its graph again");
+        let fault = Diagnostic::error(message).at_any(spec.name.origin.as_ref());
+        faults.add(fault.help(help));
+    }
+}
+
+fn passed(faults: Faults) -> Result<(), Diagnostics> {
+    if faults.error_count() > 0 {
+        return Err(Diagnostics::new(faults));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::composer::{FoundBy, TaskSpec};
+    use crate::task::Subgoal;
+
+    fn composition(choice: FinalChoice) -> Composition {
+        let task = |name: &str, subgoals: [&str; 2]| {
+            TaskSpec::new(name, "graphs/nowhere")
+                .model("graphs/nowhere")
+                .subgoal(subgoals[0], FoundBy::Marker(None))
+                .subgoal(subgoals[1], FoundBy::End)
+                .resolve(Path::new(""))
+                .expect("a sound task")
+        };
+        Composition::builder("both")
+            .task(task("a", ["a1", "a2"]))
+            .task(task("b", ["b1", "b2"]))
+            .final_choice(choice)
+            .build()
+            .expect("a sound composition")
+    }
+
+    /// Graph with one demonstration a task, a node a subgoal; the last is its end.
+    fn graph(reached: &[(&str, &[&str])]) -> TopologicalGraph {
+        let mut graph = TopologicalGraph::new(1, 5);
+        for (task, subgoals) in reached {
+            for (step, name) in subgoals.iter().enumerate() {
+                let subgoal = Subgoal {
+                    task: (*task).to_owned(),
+                    name: (*name).to_owned(),
+                };
+                let node = Node {
+                    task: (*task).to_owned(),
+                    trajectory: format!("{task}_000"),
+                    step: step as u32,
+                    reached: vec![subgoal],
+                    progress: step as u32 + 1,
+                    is_end: step + 1 == subgoals.len(),
+                };
+                graph.add_node(node, &[0.0]);
+            }
+        }
+        graph
+    }
+
+    fn told(result: Result<(), Diagnostics>) -> Vec<String> {
+        let faults = result
+            .err()
+            .into_iter()
+            .flat_map(|d| d.iter().cloned().collect::<Vec<_>>());
+        faults
+            .map(|d| format!("{} ({})", d.message, d.help.unwrap_or_default()))
+            .collect()
+    }
+
+    #[test]
+    fn a_graph_that_knows_all_passes() {
+        let graph = graph(&[("a", &["a1", "a2"]), ("b", &["b1", "b2"])]);
+        let last = FinalChoice::Demonstration("b_000".to_owned());
+        assert!(
+            composition(FinalChoice::Cheapest)
+                .check_against(&graph)
+                .is_ok()
+        );
+        assert!(composition(last).check_against(&graph).is_ok());
+    }
+
+    #[test]
+    fn all_that_a_graph_lacks_is_told() {
+        let graph = graph(&[("b", &["b1", "c2"]), ("c", &["c1"])]);
+        let choice = FinalChoice::Demonstration("b_001".to_owned());
+        let told = told(composition(choice).check_against(&graph));
+        assert_eq!(
+            told,
+            [
+                "the graph has no state of task 'a' (its states are of: b, c)",
+                "the graph of 'b' has never seen the subgoal 'b2' (did you mean 'b1'? it has seen \
+                 b1, c2; if the task has changed, build its graph again)",
+                "no demonstration 'b_001' of task 'b' is in the graph (did you mean 'b_000'? there \
+                 are b_000)",
+            ]
+        );
+    }
+
+    #[test]
+    fn missing_folders_are_told_with_the_command_that_makes_them() {
+        let told = told(composition(FinalChoice::Nearest).check_files());
+        assert_eq!(told.len(), 3, "{told:?}");
+        assert!(told[0].contains("catena graph build tasks/a.yaml --model graphs/nowhere"));
+        assert!(told[2].contains("catena train"), "{told:?}");
+    }
+}

@@ -1,0 +1,176 @@
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::composition::Composition;
+use super::composition_spec::CompositionSpec;
+use super::diagnostic::{Diagnostic, Faults};
+use super::diagnostics::Diagnostics;
+use super::reader::{Reader, suggestion};
+use super::resolved_task::{ResolvedTask, read_task, read_task_node};
+use super::source::{Located, Source};
+use super::yaml::{self, Node, Value};
+
+/// Where tasks are, below a project's root.
+const TASKS: &str = "tasks";
+/// Where compositions are.
+const SEQUENCES: &str = "tasks/sequences";
+
+/// Reads a composition and the tasks that it names, each from `tasks/NAME.yaml` below `root`. The file
+/// of a task is a composition of that task alone.
+///
+/// All paths in the files are relative to `root`; `path` itself is used as it is.
+///
+/// # Errors
+/// All faults of the composition and of its tasks.
+pub fn compose(path: &Path, root: &Path) -> Result<Composition, Diagnostics> {
+    let mut faults = Faults::default();
+    let composition =
+        Source::read(path, &mut faults).and_then(|s| compose_in(&s, root, &mut faults));
+    Composition::finish(composition, faults)
+}
+
+/// The same of a text that is in memory already.
+///
+/// # Errors
+/// All faults of the composition and of its tasks.
+pub fn compose_source(source: &Source, root: &Path) -> Result<Composition, Diagnostics> {
+    let mut faults = Faults::default();
+    faults.begin_file(source.path().to_owned());
+    let composition = compose_in(source, root, &mut faults);
+    Composition::finish(composition, faults)
+}
+
+/// The composition that a person means on the command line: a path to its file, or the bare name of a
+/// task or of a composition in `tasks/sequences`.
+///
+/// # Errors
+/// All faults of the files; a diagnostic with the nearest name when there is no such task.
+pub fn compose_named(name_or_path: &str, root: &Path) -> Result<Composition, Diagnostics> {
+    let is_path = name_or_path.contains(['/', '\\', '.']) || Path::new(name_or_path).is_file();
+    if is_path {
+        return compose(Path::new(name_or_path), root);
+    }
+    let found = [TASKS, SEQUENCES]
+        .map(|folder| file_named(root, folder, name_or_path))
+        .into_iter()
+        .find(|path| path.is_file());
+    if let Some(path) = found {
+        return compose(&path, root);
+    }
+    let mut names = names_in(root, TASKS);
+    names.extend(names_in(root, SEQUENCES));
+    let mut faults = Faults::default();
+    let message = format!("there is no task and no composition '{name_or_path}'");
+    faults.add(Diagnostic::error(message).help(known_names(name_or_path, &names, root)));
+    Err(Diagnostics::new(faults))
+}
+
+/// Names of all tasks of a project, sorted.
+#[must_use]
+pub fn task_names(root: &Path) -> Vec<String> {
+    names_in(root, TASKS)
+}
+
+fn compose_in(source: &Source, root: &Path, faults: &mut Faults) -> Option<Composition> {
+    let node = yaml::parse(source, faults)?;
+    if is_task(&node) {
+        let task = read_task_node(&node, source, root, faults)?;
+        return (faults.error_count() == 0)
+            .then(|| Composition::of_one(task, faults))
+            .flatten();
+    }
+    let spec = CompositionSpec::read(&node, &mut Reader { source, faults })?;
+    let tasks = load_tasks(&spec.tasks, root, faults);
+    let file_name = source
+        .path()
+        .file_stem()
+        .unwrap_or_default()
+        .to_string_lossy();
+    Composition::resolve(spec, tasks, &file_name, root, faults)
+}
+
+/// Tasks have subgoals, compositions have tasks to do.
+fn is_task(node: &Node) -> bool {
+    let Value::Map(entries) = &node.value else {
+        return false;
+    };
+    let has = |key: &str| entries.iter().any(|e| e.key == key);
+    has("subgoals") && !has("do")
+}
+
+fn load_tasks(
+    names: &[Located<String>],
+    root: &Path,
+    faults: &mut Faults,
+) -> Vec<Option<ResolvedTask>> {
+    let known = names_in(root, TASKS);
+    let mut tasks = Vec::new();
+    for (i, name) in names.iter().enumerate() {
+        // A repeated task is a fault of the composition; its own faults are not told twice.
+        let is_repeated = names[..i].iter().any(|n| n.value == name.value);
+        tasks.push(if is_repeated {
+            None
+        } else if known.contains(&name.value) {
+            load_named(name, root, faults)
+        } else {
+            let message = format!("there is no task '{}'", name.value);
+            let fault = Diagnostic::error(message).at_any(name.origin.as_ref());
+            let help = known_names(&name.value, &known, root);
+            faults.add(fault.label("unknown task").help(help));
+            None
+        });
+    }
+    tasks
+}
+
+fn load_named(name: &Located<String>, root: &Path, faults: &mut Faults) -> Option<ResolvedTask> {
+    let path = file_named(root, TASKS, &name.value);
+    let before = faults.error_count();
+    let task = Source::read(&path, faults).and_then(|s| read_task(&s, root, faults));
+    let own = faults.error_count() - before;
+    if own > 0 {
+        let plural = if own == 1 { "" } else { "s" };
+        let message = format!(
+            "the task '{}' has {own} fault{plural} of its own",
+            name.value
+        );
+        let fault = Diagnostic::error(message).at_any(name.origin.as_ref());
+        faults.add(
+            fault
+                .label("used here")
+                .help(format!("mend {}", path.display())),
+        );
+    }
+    task
+}
+
+fn file_named(root: &Path, folder: &str, name: &str) -> PathBuf {
+    super::source::printable(&root.join(folder).join(format!("{name}.yaml")))
+}
+
+/// Names of the YAML files of a folder, sorted; none when it cannot be read.
+fn names_in(root: &Path, folder: &str) -> Vec<String> {
+    let files = fs::read_dir(root.join(folder))
+        .into_iter()
+        .flatten()
+        .flatten();
+    let mut names: Vec<String> = files
+        .map(|f| f.path())
+        .filter(|p| p.extension().is_some_and(|e| e == "yaml"))
+        .filter_map(|p| Some(p.file_stem()?.to_str()?.to_owned()))
+        .collect();
+    names.sort();
+    names
+}
+
+fn known_names(word: &str, names: &[String], root: &Path) -> String {
+    if names.is_empty() {
+        let folder = root.join(TASKS);
+        return format!(
+            "{} holds no tasks; is '{}' the project's root?",
+            folder.display(),
+            root.display()
+        );
+    }
+    suggestion(word, names.iter().map(String::as_str), "there are")
+}

@@ -1,0 +1,217 @@
+use std::path::{Path, PathBuf};
+
+use super::composition_spec::{CompositionSpec, Limits, OnShortcut};
+use super::diagnostic::{Diagnostic, Faults};
+use super::diagnostics::Diagnostics;
+use super::environment_config::EnvironmentConfig;
+use super::reader::name_fault;
+use super::resolved_task::ResolvedTask;
+use super::source::{Located, printable};
+use crate::planner::{FinalChoice, PlannerOptions};
+use crate::task::{Automaton, Task};
+
+/// Tasks in an order, with everything that planning and running them needs to know except their
+/// graphs, which whoever runs it loads from the places named here.
+#[derive(Clone, Debug)]
+pub struct Composition {
+    /// Its name, fit to be part of a path.
+    pub name: String,
+    /// One sentence for people.
+    pub description: Option<String>,
+    /// The tasks in the order in which they are to be done; never empty, none twice.
+    pub tasks: Vec<ResolvedTask>,
+    /// All subgoals of all tasks in order.
+    pub automaton: Automaton,
+    /// Folder of the model.
+    pub model: PathBuf,
+    /// Which end state of the last task the run leads to.
+    pub final_choice: FinalChoice,
+    /// What to do when a run reaches a subgoal without an earlier one.
+    pub on_shortcut: OnShortcut,
+    /// How to plan.
+    pub planner: PlannerOptions,
+    /// Bounds of a run.
+    pub limits: Limits,
+    /// The simulated world to start in: its own, else that of the first task.
+    pub environment: Option<EnvironmentConfig>,
+    /// What may not be meant as written, though it works.
+    pub warnings: Vec<Diagnostic>,
+    pub(super) spec: CompositionSpec,
+}
+
+impl Composition {
+    /// One task as a composition of its own, with all options at their defaults.
+    ///
+    /// # Errors
+    /// A diagnostic when the task names no model.
+    pub fn single(task: ResolvedTask) -> Result<Self, Diagnostics> {
+        let mut faults = Faults::default();
+        let composition = Self::of_one(task, &mut faults);
+        Self::finish(composition, faults)
+    }
+
+    pub(super) fn of_one(task: ResolvedTask, faults: &mut Faults) -> Option<Self> {
+        let spec = CompositionSpec {
+            name: Some(task.spec.name.clone()),
+            description: task.description.clone(),
+            tasks: vec![task.spec.name.clone()],
+            ..CompositionSpec::default()
+        };
+        // The root plays no part: only a composition's own paths are joined with it.
+        Self::resolve(spec, vec![Some(task)], "", Path::new(""), faults)
+    }
+
+    /// Checks what a composition says against its tasks, of which those with faults are missing.
+    /// `file_name` is its name when it gives itself none.
+    pub(super) fn resolve(
+        spec: CompositionSpec,
+        tasks: Vec<Option<ResolvedTask>>,
+        file_name: &str,
+        root: &Path,
+        faults: &mut Faults,
+    ) -> Option<Self> {
+        spec.check_repeats(faults);
+        spec.check_final_task(faults);
+        let name = spec.checked_name(file_name, faults);
+        let tasks: Vec<ResolvedTask> = tasks.into_iter().collect::<Option<_>>()?;
+        spec.check_steps(&tasks, faults);
+        let model = spec.model_of(&tasks, root, faults);
+        if faults.error_count() > 0 {
+            return None;
+        }
+        let plain: Vec<Task> = tasks.iter().map(|t| t.task.clone()).collect();
+        let first_environment = tasks.first()?.environment.clone();
+        Some(Self {
+            name,
+            description: spec.description.clone(),
+            automaton: Automaton::in_order(&plain),
+            model: model?,
+            final_choice: spec.final_choice.value.clone(),
+            on_shortcut: spec.on_shortcut,
+            planner: spec.planner.clone(),
+            limits: spec.limits.value,
+            environment: spec.environment.clone().or(first_environment),
+            warnings: Vec::new(),
+            tasks,
+            spec,
+        })
+    }
+
+    /// The composition with its warnings, unless there are errors.
+    pub(super) fn finish(composition: Option<Self>, faults: Faults) -> Result<Self, Diagnostics> {
+        match composition {
+            Some(mut composition) if faults.error_count() == 0 => {
+                composition.warnings = faults.into_sorted();
+                Ok(composition)
+            }
+            _ => Err(Diagnostics::new(faults)),
+        }
+    }
+}
+
+impl CompositionSpec {
+    fn check_repeats(&self, faults: &mut Faults) {
+        for (i, task) in self.tasks.iter().enumerate() {
+            if let Some(first) = self.tasks[..i].iter().find(|t| t.value == task.value) {
+                let message = format!("the task '{}' is to be done twice", task.value);
+                faults.add(
+                    Diagnostic::error(message)
+                        .at_any(task.origin.as_ref())
+                        .label("again here")
+                        .second(first.origin.as_ref(), "first here")
+                        .help("a composition can do a task once; run it again for a second time"),
+                );
+            }
+        }
+    }
+
+    fn check_final_task(&self, faults: &mut Faults) {
+        let (Some(task), Some(last)) = (&self.final_task, self.tasks.last()) else {
+            return;
+        };
+        if task.value != last.value {
+            let message = format!(
+                "the final state is to be one of '{}', which is not the last task",
+                task.value
+            );
+            faults.add(
+                Diagnostic::error(message)
+                    .at_any(task.origin.as_ref())
+                    .second(last.origin.as_ref(), "the last task")
+                    .help(format!("write 'of: {}', or leave 'of' out", last.value)),
+            );
+        }
+    }
+
+    /// Its own name or that of its file. Results go to a folder of that name, so that the two ought to
+    /// be the same.
+    fn checked_name(&self, file_name: &str, faults: &mut Faults) -> String {
+        let Some(name) = &self.name else {
+            if let Some(fault) = name_fault(file_name, "the name of a composition") {
+                faults.add(fault.help("give it a name of its own: 'name: sock_then_trash'"));
+            }
+            return file_name.to_owned();
+        };
+        if name.value != file_name && !file_name.is_empty() {
+            let message = format!(
+                "the composition calls itself '{}', but its file is '{file_name}.yaml'",
+                name.value
+            );
+            let fault = Diagnostic::warning(message).at_any(name.origin.as_ref());
+            faults.add(fault.help(format!("its results are called '{}'", name.value)));
+        }
+        name.value.clone()
+    }
+
+    /// Each subgoal takes a step at least.
+    fn check_steps(&self, tasks: &[ResolvedTask], faults: &mut Faults) {
+        let subgoals: usize = tasks.iter().map(|t| t.task.subgoals.len()).sum();
+        let steps = self.limits.value.steps;
+        if (steps as usize) < subgoals {
+            let message = format!("{steps} steps are too few for {subgoals} subgoals");
+            let fault = Diagnostic::error(message).at_any(self.limits.origin.as_ref());
+            faults.add(fault.help("a demonstration of one task takes 40 to 100 steps"));
+        }
+    }
+
+    /// The composition's model, else the one that all its tasks name.
+    fn model_of(
+        &self,
+        tasks: &[ResolvedTask],
+        root: &Path,
+        faults: &mut Faults,
+    ) -> Option<PathBuf> {
+        if let Some(model) = &self.model {
+            return Some(printable(&root.join(&model.value)));
+        }
+        let at = self.tasks.first().and_then(|t| t.origin.as_ref());
+        if tasks.is_empty() {
+            // That nothing is to be done was reported; no task is left that could name a model.
+            return None;
+        }
+        let help = "say which model is to be used: 'model: graphs/bedroom/model'";
+        let named: Vec<_> = tasks
+            .iter()
+            .filter_map(|t| Some((t, t.model.as_ref()?)))
+            .collect();
+        let Some((first, model)) = named.first() else {
+            let fault = Diagnostic::error("neither the composition nor its tasks name a model");
+            faults.add(fault.at_any(at).help(help));
+            return None;
+        };
+        if let Some((other, its)) = named.iter().find(|(_, m)| m != model) {
+            let message = format!(
+                "task '{}' goes with the model {}, but task '{}' with {}",
+                first.task.name,
+                model.display(),
+                other.task.name,
+                its.display()
+            );
+            let origin: Option<&Located<PathBuf>> = other.spec.model.as_ref();
+            let fault = Diagnostic::error(message).at_any(origin.and_then(|m| m.origin.as_ref()));
+            faults.add(fault.help("graphs can be merged only if one model built them"));
+            return None;
+        }
+        Some((*model).clone())
+    }
+}

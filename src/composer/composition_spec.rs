@@ -1,0 +1,195 @@
+use std::path::PathBuf;
+
+use super::environment_config::EnvironmentConfig;
+use super::planner_spec::read_planner;
+use super::reader::{Fields, Reader};
+use super::source::Located;
+use super::yaml::{Node, Value};
+use crate::planner::{FinalChoice, PlannerOptions};
+
+/// Keys of a composition's file, in the order in which they are best written.
+pub(super) const COMPOSITION_KEYS: &[&str] = &[
+    "name",
+    "description",
+    "model",
+    "environment",
+    "do",
+    "final_state",
+    "on_shortcut",
+    "planner",
+    "limits",
+];
+
+/// What to do when a run reaches a subgoal without an earlier one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OnShortcut {
+    /// Go back and do what was skipped.
+    #[default]
+    Replan,
+    /// End the run.
+    Stop,
+    /// Note it and go on.
+    Report,
+}
+
+/// Bounds of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Time steps after which a run ends, `1..=100_000`.
+    pub steps: u32,
+}
+
+impl Limits {
+    /// Most steps that a run may have.
+    pub const MAX_STEPS: u32 = 100_000;
+}
+
+impl Default for Limits {
+    /// 400 steps: about three times what a chain of two tasks takes.
+    fn default() -> Self {
+        Self { steps: 400 }
+    }
+}
+
+/// A composition as written: nothing of it is checked against tasks or graphs yet.
+#[derive(Clone, Debug)]
+pub struct CompositionSpec {
+    /// Its name; by default that of its file.
+    pub name: Option<Located<String>>,
+    /// One sentence for people.
+    pub description: Option<String>,
+    /// Folder of the model.
+    pub model: Option<Located<PathBuf>>,
+    /// The simulated world to start in.
+    pub environment: Option<EnvironmentConfig>,
+    /// Names of tasks in order.
+    pub tasks: Vec<Located<String>>,
+    /// The task whose end is the end of all.
+    pub final_task: Option<Located<String>>,
+    /// Which end state of it is chosen.
+    pub final_choice: Located<FinalChoice>,
+    /// What to do on a shortcut.
+    pub on_shortcut: OnShortcut,
+    /// How to plan.
+    pub planner: PlannerOptions,
+    /// Bounds of a run.
+    pub limits: Located<Limits>,
+}
+
+impl Default for CompositionSpec {
+    fn default() -> Self {
+        Self {
+            name: None,
+            description: None,
+            model: None,
+            environment: None,
+            tasks: Vec::new(),
+            final_task: None,
+            final_choice: FinalChoice::default().into(),
+            on_shortcut: OnShortcut::default(),
+            planner: PlannerOptions::default(),
+            limits: Limits::default().into(),
+        }
+    }
+}
+
+impl CompositionSpec {
+    /// Reads a composition; what is missing is reported, and left out of the spec.
+    pub(super) fn read(node: &Node, reader: &mut Reader<'_>) -> Option<Self> {
+        let fields = reader.fields(node, "a composition", COMPOSITION_KEYS)?;
+        let mut spec = Self {
+            name: fields
+                .value("name")
+                .and_then(|n| reader.name(n, "the name of a composition")),
+            description: fields
+                .value("description")
+                .and_then(|n| reader.text(n, "description"))
+                .map(|d| d.value),
+            model: fields.value("model").and_then(|n| reader.path(n, "model")),
+            environment: fields
+                .value("environment")
+                .and_then(|n| EnvironmentConfig::read(n, reader)),
+            tasks: read_tasks(&fields, reader),
+            ..Self::default()
+        };
+        if let Some(node) = fields.value("final_state") {
+            spec.read_final_state(node, reader);
+        }
+        if let Some(node) = fields.value("on_shortcut") {
+            let choices = [
+                ("replan", OnShortcut::Replan),
+                ("stop", OnShortcut::Stop),
+                ("report", OnShortcut::Report),
+            ];
+            spec.on_shortcut = reader
+                .choice(node, "on_shortcut", &choices)
+                .unwrap_or_default();
+        }
+        if let Some(node) = fields.value("planner") {
+            spec.planner = read_planner(node, reader);
+        }
+        if let Some(node) = fields.value("limits") {
+            spec.read_limits(node, reader);
+        }
+        Some(spec)
+    }
+
+    fn read_final_state(&mut self, node: &Node, reader: &mut Reader<'_>) {
+        let Some(fields) = reader.fields(node, "final_state", &["of", "choose"]) else {
+            return;
+        };
+        self.final_task = fields
+            .value("of")
+            .and_then(|n| reader.name(n, "the name of a task"));
+        if let Some(node) = fields.value("choose") {
+            let choice = read_choice(node, reader).unwrap_or_default();
+            self.final_choice = reader.located(node, choice);
+        }
+    }
+
+    fn read_limits(&mut self, node: &Node, reader: &mut Reader<'_>) {
+        let Some(fields) = reader.fields(node, "limits", &["steps"]) else {
+            return;
+        };
+        let Some(node) = fields.value("steps") else {
+            return;
+        };
+        if let Some(steps) = reader.integer(node, "steps", &(1..=Limits::MAX_STEPS)) {
+            self.limits = reader.located(node, Limits { steps });
+        }
+    }
+}
+
+fn read_tasks(fields: &Fields<'_>, reader: &mut Reader<'_>) -> Vec<Located<String>> {
+    let help = "list the tasks to do, in order: 'do: [sock, trash]'";
+    let items = reader
+        .required(fields, "do", help)
+        .and_then(|n| reader.list(n, "do"))
+        .unwrap_or_default();
+    let name = |n| reader.name(n, "the name of a task");
+    items.iter().filter_map(name).collect()
+}
+
+/// `cheapest`, `nearest` or `{demonstration: id}`.
+fn read_choice(node: &Node, reader: &mut Reader<'_>) -> Option<FinalChoice> {
+    if !matches!(node.value, Value::Map(_)) {
+        if node.as_text() == Some("demonstration") {
+            let help = "write 'choose: {demonstration: demo_007}'";
+            reader.ambiguous(node, "choose does not say which demonstration", help);
+            return None;
+        }
+        let choices = [("cheapest", true), ("nearest", false)];
+        let is_cheapest = reader.choice(node, "choose", &choices)?;
+        return Some(if is_cheapest {
+            FinalChoice::Cheapest
+        } else {
+            FinalChoice::Nearest
+        });
+    }
+    let fields = reader.fields(node, "choose", &["demonstration"])?;
+    let help = "write 'cheapest', 'nearest' or {demonstration: demo_007}";
+    let id = reader.required(&fields, "demonstration", help)?;
+    let id = reader.text(id, "the id of a demonstration")?;
+    Some(FinalChoice::Demonstration(id.value))
+}

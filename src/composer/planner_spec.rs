@@ -1,0 +1,98 @@
+//! Options of the planner as written: `planner: paper`, or a map of what is to differ from the default.
+
+use super::reader::Reader;
+use super::yaml::{Node, Value};
+use crate::planner::{EdgeChoice, EdgeCost, PlannerOptions, Search};
+
+const KEYS: &[&str] = &[
+    "search",
+    "cost",
+    "edges",
+    "forward_leap_steps",
+    "min_live_probability",
+    "lookahead_steps",
+];
+
+/// Longest leap or lookahead that is not surely a slip.
+const MAX_STEPS: u32 = 1000;
+
+pub(super) fn read_planner(node: &Node, reader: &mut Reader<'_>) -> PlannerOptions {
+    if !matches!(node.value, Value::Map(_)) && node.as_text().is_some() {
+        let choices = [("default", false), ("paper", true)];
+        return match reader.choice(node, "planner", &choices) {
+            Some(true) => PlannerOptions::paper(),
+            _ => PlannerOptions::default(),
+        };
+    }
+    let mut options = PlannerOptions::default();
+    let Some(fields) = reader.fields(node, "planner", KEYS) else {
+        return options;
+    };
+    if let Some(node) = fields.value("search") {
+        let choices = [
+            ("in_order", Search::InOrder),
+            ("unconstrained", Search::Unconstrained),
+        ];
+        options.search = reader
+            .choice(node, "search", &choices)
+            .unwrap_or(options.search);
+    }
+    if let Some(node) = fields.value("cost") {
+        options.cost = read_cost(node, reader).unwrap_or(options.cost);
+    }
+    if let Some(node) = fields.value("edges") {
+        let choices = [
+            ("temporal_only", EdgeChoice::TemporalOnly),
+            ("all", EdgeChoice::All),
+        ];
+        options.edges = reader
+            .choice(node, "edges", &choices)
+            .unwrap_or(options.edges);
+    }
+    if let Some(node) = fields.value("forward_leap_steps") {
+        options.forward_leap_steps = if node.as_text() == Some("any") {
+            None
+        } else {
+            reader.integer(node, "forward_leap_steps", &(0..=MAX_STEPS))
+        };
+    }
+    if let Some(node) = fields.value("min_live_probability") {
+        let probability = reader.number(node, "min_live_probability", &(0.0..=1.0));
+        options.min_live_probability =
+            probability.map_or(options.min_live_probability, |p| p as f32);
+    }
+    if let Some(node) = fields.value("lookahead_steps") {
+        let steps = reader.integer(node, "lookahead_steps", &(0..=MAX_STEPS));
+        options.lookahead_steps = steps.unwrap_or(options.lookahead_steps);
+    }
+    options
+}
+
+/// `argmax`, `{expected: 60}` or `{risk_averse: 3}`.
+fn read_cost(node: &Node, reader: &mut Reader<'_>) -> Option<EdgeCost> {
+    const MAX_COST: f64 = 1e6;
+    if !matches!(node.value, Value::Map(_)) {
+        return reader.choice(node, "cost", &[("argmax", EdgeCost::Argmax)]);
+    }
+    let fields = reader.fields(node, "cost", &["expected", "risk_averse"])?;
+    match (fields.value("expected"), fields.value("risk_averse")) {
+        (Some(steps), None) => {
+            let what = "the cost in steps of a pair that is not connected";
+            let disconnected_steps = reader.number(steps, what, &(1.0..=MAX_COST))?;
+            Some(EdgeCost::Expected { disconnected_steps })
+        }
+        (None, Some(lambda)) => {
+            let what = "the weight of risk";
+            let lambda = reader.number(lambda, what, &(0.0..=MAX_COST))?;
+            Some(EdgeCost::RiskAverse { lambda })
+        }
+        _ => {
+            reader.ambiguous(
+                node,
+                "cost must name one way of counting",
+                "write argmax, {expected: 60} or {risk_averse: 3}",
+            );
+            None
+        }
+    }
+}

@@ -1,0 +1,13 @@
+//! Figures: scoring episodes against the simulator's truth, success rates with intervals, step times.
+//!
+//! Only this room and the operator look at the truth; what plans and acts never does.
+
+mod evaluation;
+mod interval;
+mod score;
+mod scored;
+
+pub use evaluation::{EpisodeResult, Evaluation, SubgoalTally};
+pub use interval::wilson_interval_95;
+pub use score::{Score, SubgoalOutcome};
+pub use scored::ScoredBedroom;

@@ -1,0 +1,121 @@
+use serde::{Deserialize, Serialize};
+
+use crate::task::Automaton;
+
+/// What became of a subgoal in an episode, by the simulator's truth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SubgoalOutcome {
+    /// It held after all earlier ones had.
+    Reached,
+    /// A later one held first: a shortcut.
+    Skipped,
+    /// It never held, and nothing later did.
+    Missed,
+}
+
+/// Follows the truth through an episode and says which subgoals were reached in order.
+#[derive(Clone, Debug)]
+pub struct Score {
+    names: Vec<String>,
+    first_step: Vec<Option<usize>>,
+}
+
+impl Score {
+    /// A score for the subgoals of an automaton, none of them reached.
+    #[must_use]
+    pub fn new(automaton: &Automaton) -> Self {
+        let names: Vec<_> = automaton.subgoals().iter().map(|s| s.name.clone()).collect();
+        Self {
+            first_step: vec![None; names.len()],
+            names,
+        }
+    }
+
+    /// Notes which subgoals hold after `step`; a subgoal counts from the first step at which it holds.
+    pub fn observe(&mut self, step: usize, holds: impl Fn(&str) -> bool) {
+        for (name, first) in self.names.iter().zip(&mut self.first_step) {
+            if first.is_none() && holds(name) {
+                *first = Some(step);
+            }
+        }
+    }
+
+    /// The first step at which each subgoal held, in the automaton's order.
+    #[must_use]
+    pub fn first_steps(&self) -> &[Option<usize>] {
+        &self.first_step
+    }
+
+    /// What became of each subgoal, in the automaton's order.
+    #[must_use]
+    pub fn outcomes(&self) -> Vec<SubgoalOutcome> {
+        (0..self.names.len())
+            .map(|i| {
+                let own = self.first_step[i];
+                let overtaken = self.first_step[i + 1..]
+                    .iter()
+                    .flatten()
+                    .any(|later| own.is_none_or(|own| *later < own));
+                match own {
+                    _ if overtaken => SubgoalOutcome::Skipped,
+                    Some(_) => SubgoalOutcome::Reached,
+                    None => SubgoalOutcome::Missed,
+                }
+            })
+            .collect()
+    }
+
+    /// Whether every subgoal was reached, each after the ones before it.
+    #[must_use]
+    pub fn is_success(&self) -> bool {
+        self.outcomes().iter().all(|o| *o == SubgoalOutcome::Reached)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::task::{Subgoal, Task};
+
+    fn automaton() -> Automaton {
+        let subgoal = |name: &str| Subgoal {
+            task: "t".to_owned(),
+            name: name.to_owned(),
+        };
+        Automaton::in_order(&[Task {
+            name: "t".to_owned(),
+            subgoals: vec![subgoal("a"), subgoal("b"), subgoal("c")],
+        }])
+    }
+
+    #[test]
+    fn in_order_is_success() {
+        let mut score = Score::new(&automaton());
+        score.observe(1, |n| n == "a");
+        score.observe(2, |n| n == "b");
+        score.observe(3, |n| n == "c");
+        assert!(score.is_success());
+        assert_eq!(score.first_steps(), [Some(1), Some(2), Some(3)]);
+    }
+
+    #[test]
+    fn later_one_first_is_a_skip_even_if_made_up_for() {
+        let mut score = Score::new(&automaton());
+        score.observe(1, |n| n == "a");
+        score.observe(2, |n| n == "c");
+        use SubgoalOutcome::{Reached, Skipped};
+        assert_eq!(score.outcomes(), [Reached, Skipped, Reached]);
+        score.observe(3, |n| n == "b");
+        assert_eq!(score.outcomes(), [Reached, Skipped, Reached]);
+        assert!(!score.is_success());
+    }
+
+    #[test]
+    fn what_never_held_is_missed() {
+        let mut score = Score::new(&automaton());
+        score.observe(5, |n| n == "a");
+        use SubgoalOutcome::{Missed, Reached};
+        assert_eq!(score.outcomes(), [Reached, Missed, Missed]);
+    }
+}

@@ -1,0 +1,35 @@
+//! Topological graphs: states of demonstrations as nodes, predicted time steps as edges
+//! (Fu & Finn, section III-D).
+//!
+//! [`build`] makes the graph of one task, [`merge`] puts tasks together and looks for the edges that
+//! lead from one to the next, [`prune`] thins out, [`GraphStatistics`] says what came of it.
+
+mod build;
+mod candidates;
+mod edge;
+mod error;
+#[cfg(test)]
+pub(crate) mod fakes;
+mod learned;
+mod merge;
+mod node;
+mod progress;
+mod prune;
+mod scoring;
+mod statistics;
+#[cfg(test)]
+mod tests;
+mod topological;
+
+pub use build::{BuildOptions, build};
+pub use candidates::CrossTaskCandidates;
+pub use edge::{Edge, EdgeKind};
+pub use error::GraphError;
+pub use learned::LearnedEdges;
+pub use merge::{MergeOptions, MergeReport, Merged, SeamReport, merge};
+pub use node::{Node, NodeId};
+pub use progress::{GraphPhase, GraphProgress, ProgressFn};
+pub use prune::{PruneOptions, prune};
+pub use scoring::ScoredPair;
+pub use statistics::{CrossTaskEdge, CrossTaskStatistics, GraphStatistics, TaskStatistics};
+pub use topological::TopologicalGraph;

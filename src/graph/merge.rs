@@ -1,0 +1,256 @@
+use std::collections::BTreeSet;
+
+use serde::{Deserialize, Serialize};
+
+use super::candidates::{Batch, Candidates, CrossTaskCandidates};
+use super::scoring::{Scored, Scorer};
+use super::{
+    Edge, EdgeKind, GraphError, LearnedEdges, NodeId, ProgressFn, ScoredPair, TopologicalGraph,
+};
+use crate::model::{Projections, Traversability};
+
+/// How graphs are merged.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MergeOptions {
+    /// Which pairs are scored.
+    pub candidates: CrossTaskCandidates,
+    /// Which of them become cross-task edges.
+    pub learned: LearnedEdges,
+    /// At each seam at least so many edges are kept, the most probable ones, even if `d_max` is the
+    /// most probable class of some: training labels every pair of two tasks "far", so a seam may have
+    /// no better edge. Their probabilities stay as they are, for the planner to price and a person to
+    /// judge; a planner that costs by `argmax` does not use them.
+    pub seam_floor: usize,
+}
+
+impl Default for MergeOptions {
+    fn default() -> Self {
+        Self {
+            candidates: CrossTaskCandidates::Seam { window_steps: 10 },
+            learned: LearnedEdges::default(),
+            seam_floor: 30,
+        }
+    }
+}
+
+/// What was found between two tasks that follow each other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SeamReport {
+    /// The task that ends.
+    pub from_task: String,
+    /// The task that begins.
+    pub to_task: String,
+    /// How many pairs were scored.
+    pub pair_count: u64,
+    /// How many became edges by rule.
+    pub accepted: usize,
+    /// How many became edges only because of the floor.
+    pub below_rule: usize,
+    /// The best pairs that the rule rejected, most probable first, the ones kept by the floor too.
+    pub near_misses: Vec<ScoredPair>,
+}
+
+/// What merging found.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct MergeReport {
+    /// A report for each two tasks that follow each other in the order.
+    pub seams: Vec<SeamReport>,
+    /// How many pairs were scored in all.
+    pub pair_count: u64,
+}
+
+/// A merged graph and what was found on the way.
+#[derive(Clone, Debug)]
+pub struct Merged {
+    /// The nodes of all tasks, task after task as the graphs were given, with the edges they had and
+    /// cross-task edges.
+    pub graph: TopologicalGraph,
+    /// What was scored and what came close.
+    pub report: MergeReport,
+}
+
+/// How many near misses a seam report holds at least.
+const NEAR_MISSES: usize = 10;
+
+/// One graph out of those of several tasks, with cross-task edges where the traversability function
+/// predicts a way from a state of one task to a state of another (Fu & Finn, section IV,
+/// "Experience Chaining").
+///
+/// `order` names the tasks as they follow each other in a composition, and says which seams there
+/// are; a task may come twice. Empty means the order of `graphs`.
+///
+/// # Errors
+/// [`GraphError::NothingToMerge`], [`GraphError::TaskTwice`] and [`GraphError::UnknownTask`] for
+/// graphs and an order that make no sense, [`GraphError::DMaxDiffers`] and
+/// [`GraphError::LatentLengthDiffers`] for graphs of different models, [`GraphError::Model`] when the
+/// model gives no answer.
+pub fn merge(
+    graphs: &[&TopologicalGraph],
+    order: &[&str],
+    traversability: &(dyn Traversability + Sync),
+    options: &MergeOptions,
+    progress: ProgressFn<'_>,
+) -> Result<Merged, GraphError> {
+    check(graphs, order, traversability)?;
+    let mut graph = join(graphs);
+    let tasks: Vec<String> = graph.tasks().into_iter().map(str::to_owned).collect();
+    let default_order: Vec<&str> = tasks.iter().map(String::as_str).collect();
+    let order = if order.is_empty() {
+        &default_order[..]
+    } else {
+        order
+    };
+    let seams: BTreeSet<(usize, usize)> = order
+        .windows(2)
+        .filter(|w| w[0] != w[1])
+        .map(|w| (task_index(&tasks, w[0]), task_index(&tasks, w[1])))
+        .collect();
+    let work = Work {
+        candidates: Candidates::new(&graph, &tasks, seams),
+        options,
+        tasks: &tasks,
+    };
+    let projections = traversability.project(graph.latents())?;
+    let report = work.run(&mut graph, traversability, &projections, progress)?;
+    Ok(Merged { graph, report })
+}
+
+fn task_index(tasks: &[String], name: &str) -> usize {
+    tasks
+        .iter()
+        .position(|t| t == name)
+        .expect("the order was checked")
+}
+
+fn check(
+    graphs: &[&TopologicalGraph],
+    order: &[&str],
+    traversability: &(dyn Traversability + Sync),
+) -> Result<(), GraphError> {
+    let first = graphs.first().ok_or(GraphError::NothingToMerge)?;
+    let mut tasks: Vec<&str> = Vec::new();
+    for graph in graphs {
+        let what = || format!("the graph of '{}'", graph.tasks().join(", "));
+        if graph.d_max() != traversability.d_max() {
+            return Err(GraphError::DMaxDiffers {
+                what: what(),
+                expected: traversability.d_max(),
+                found: graph.d_max(),
+            });
+        }
+        if graph.latents().dim() != first.latents().dim() {
+            return Err(GraphError::LatentLengthDiffers {
+                what: what(),
+                expected: first.latents().dim(),
+                found: graph.latents().dim(),
+            });
+        }
+        for task in graph.tasks() {
+            if tasks.contains(&task) {
+                return Err(GraphError::TaskTwice {
+                    task: task.to_owned(),
+                });
+            }
+            tasks.push(task);
+        }
+    }
+    match order.iter().find(|t| !tasks.contains(*t)) {
+        Some(task) => Err(GraphError::UnknownTask {
+            task: (*task).to_owned(),
+            known: tasks.join(", "),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// All nodes and edges in one graph, renumbered.
+fn join(graphs: &[&TopologicalGraph]) -> TopologicalGraph {
+    let mut all = TopologicalGraph::new(graphs[0].latents().dim(), graphs[0].d_max());
+    for graph in graphs {
+        let offset = all.node_count() as u32;
+        for (id, node) in graph.nodes() {
+            all.add_node(node.clone(), graph.latents().row(id.index()));
+        }
+        for (from, to, edge) in graph.edges() {
+            all.push_edge(NodeId(from.0 + offset), NodeId(to.0 + offset), edge.clone());
+        }
+    }
+    all
+}
+
+/// Scores the candidates and adds what is found.
+struct Work<'a> {
+    candidates: Candidates,
+    options: &'a MergeOptions,
+    tasks: &'a [String],
+}
+
+impl Work<'_> {
+    fn run(
+        &self,
+        graph: &mut TopologicalGraph,
+        traversability: &(dyn Traversability + Sync),
+        projections: &Projections,
+        progress: ProgressFn<'_>,
+    ) -> Result<MergeReport, GraphError> {
+        let batches = self.candidates.batches(self.options.candidates);
+        let total = batches.iter().map(Batch::pair_count).sum();
+        let mut report = MergeReport::default();
+        for batch in &batches {
+            let scored = Scorer {
+                traversability,
+                projections,
+                rule: &self.options.learned,
+                kind: EdgeKind::CrossTask,
+                near_misses: if batch.is_seam {
+                    NEAR_MISSES.max(self.options.seam_floor)
+                } else {
+                    0
+                },
+                progress,
+                done_before: report.pair_count,
+                total,
+            }
+            .score(&batch.from, &|f| batch.targets(f).len(), &|f, out| {
+                out.extend_from_slice(batch.targets(f));
+            })?;
+            report.pair_count += scored.pair_count;
+            let seam = self.add(graph, batch, scored);
+            report.seams.extend(seam);
+        }
+        Ok(report)
+    }
+
+    fn add(
+        &self,
+        graph: &mut TopologicalGraph,
+        batch: &Batch,
+        scored: Scored,
+    ) -> Option<SeamReport> {
+        let accepted = scored.edges.len();
+        for (from, to, edge) in scored.edges {
+            graph.push_edge(from, to, edge);
+        }
+        if !batch.is_seam {
+            return None;
+        }
+        let below_rule = self
+            .options
+            .seam_floor
+            .saturating_sub(accepted)
+            .min(scored.near_misses.len());
+        let floor: Vec<(ScoredPair, Edge)> = scored.near_misses;
+        for (pair, edge) in &floor[..below_rule] {
+            graph.push_edge(pair.from, pair.to, edge.clone());
+        }
+        Some(SeamReport {
+            from_task: self.tasks[batch.from_task].clone(),
+            to_task: self.tasks[batch.to_task].clone(),
+            pair_count: scored.pair_count,
+            accepted,
+            below_rule,
+            near_misses: floor.into_iter().map(|(pair, _)| pair).collect(),
+        })
+    }
+}

@@ -1,0 +1,349 @@
+//! Building and merging in a world whose distances are known.
+
+use std::sync::Mutex;
+use std::sync::atomic::Ordering;
+
+use super::fakes::{Oracle, PixelEncoder, add_demonstration, demonstrations, subgoal, task};
+use super::*;
+use crate::task::Subgoal;
+
+const D_MAX: usize = 5;
+
+/// Walking along x on the same row takes a step each; there is no way back and none to other rows.
+fn forward(a: &[f32], b: &[f32]) -> Option<u32> {
+    ((a[1] - b[1]).abs() < 0.5 && b[0] >= a[0]).then(|| (b[0] - a[0]) as u32)
+}
+
+fn silent(_: GraphProgress) {}
+
+fn line(start: u8, row: u8, steps: u8) -> Vec<[u8; 3]> {
+    (0..steps).map(|i| [start + i, row, 0]).collect()
+}
+
+fn reached(at: &[usize]) -> Vec<(Subgoal, usize)> {
+    let name = |i| subgoal("a", ["first", "second"][i]);
+    at.iter().enumerate().map(|(i, s)| (name(i), *s)).collect()
+}
+
+fn two_lines(options: &BuildOptions) -> (TopologicalGraph, u64) {
+    let set = demonstrations("a", &[line(0, 0, 8), line(2, 0, 6), line(0, 9, 3)]);
+    let steps = [reached(&[3, 7]), reached(&[1, 5]), reached(&[1, 2])];
+    let oracle = Oracle::new(D_MAX, forward);
+    let graph = build(
+        &set,
+        &steps,
+        &PixelEncoder::new(D_MAX),
+        &oracle,
+        options,
+        &silent,
+    );
+    (
+        graph.expect("the fakes fit"),
+        oracle.pairs.load(Ordering::Relaxed),
+    )
+}
+
+#[test]
+fn nodes_know_their_subgoals_and_temporal_edges_join_successive_ones() {
+    let (graph, _) = two_lines(&BuildOptions::default());
+    assert_eq!(graph.node_count(), 17);
+    let node = graph.node(NodeId(3));
+    assert_eq!((node.step, node.progress, node.is_end), (3, 1, false));
+    assert_eq!(node.reached, vec![subgoal("a", "first")]);
+    assert_eq!(graph.node(NodeId(4)).reached, vec![]);
+    assert!(graph.node(NodeId(7)).is_end && graph.node(NodeId(7)).progress == 2);
+    let temporal = graph
+        .edges()
+        .filter(|(_, _, e)| e.kind == EdgeKind::Temporal);
+    assert_eq!(temporal.count(), 7 + 5 + 2);
+    assert!(graph.edge(NodeId(7), NodeId(8)).is_none());
+}
+
+#[test]
+fn learned_edges_are_exactly_the_near_pairs_of_different_demonstrations() {
+    let (graph, pairs) = two_lines(&BuildOptions::default());
+    assert_eq!(pairs, 17 * 17 - (8 * 8 + 6 * 6 + 3 * 3));
+    for (a, from) in graph.nodes() {
+        for (b, to) in graph.nodes() {
+            let (x, y) = (
+                graph.latents().row(a.index()),
+                graph.latents().row(b.index()),
+            );
+            let near = forward(x, y).filter(|s| (*s as usize) < D_MAX);
+            let learned = graph.edge(a, b).filter(|e| e.kind == EdgeKind::Learned);
+            let expected = near.filter(|_| from.trajectory != to.trajectory);
+            assert_eq!(
+                learned.map(|e| e.steps),
+                expected.map(|s| s.max(1)),
+                "{a:?} {b:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn same_trajectory_pairs_are_scored_only_when_asked_for() {
+    let options = BuildOptions {
+        learned: LearnedEdges {
+            same_trajectory: true,
+            ..LearnedEdges::default()
+        },
+        ..BuildOptions::default()
+    };
+    let (graph, _) = two_lines(&options);
+    assert_eq!(graph.edge(NodeId(0), NodeId(2)).map(|e| e.steps), Some(2));
+    assert_eq!(
+        graph.edge(NodeId(0), NodeId(1)).map(|e| e.kind),
+        Some(EdgeKind::Temporal)
+    );
+    assert!(graph.edge(NodeId(0), NodeId(0)).is_none());
+}
+
+#[test]
+fn cap_keeps_the_most_probable_edges() {
+    let options = BuildOptions {
+        learned: LearnedEdges {
+            max_out_edges: Some(2),
+            ..LearnedEdges::default()
+        },
+        ..BuildOptions::default()
+    };
+    let (graph, _) = two_lines(&options);
+    for (id, _) in graph.nodes() {
+        let learned = graph
+            .edges_from(id)
+            .filter(|(_, e)| e.kind == EdgeKind::Learned);
+        assert!(learned.count() <= 2);
+    }
+    let kept: Vec<u32> = graph.edges_from(NodeId(2)).map(|(_, e)| e.steps).collect();
+    assert!(kept.contains(&1), "{kept:?}");
+}
+
+#[test]
+fn same_graph_on_one_thread_and_on_many() {
+    let edges = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        let (graph, _) = pool.install(|| two_lines(&BuildOptions::default()));
+        graph
+            .edges()
+            .map(|(a, b, e)| (a, b, e.clone()))
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(edges(1), edges(4));
+}
+
+#[test]
+fn progress_counts_up_to_the_total() {
+    let set = demonstrations("a", &[line(0, 0, 50), line(0, 0, 60)]);
+    let seen = Mutex::new(Vec::new());
+    let count = |p| seen.lock().unwrap().push(p);
+    let oracle = Oracle::new(D_MAX, forward);
+    let steps = [vec![], vec![]];
+    let options = BuildOptions::default();
+    build(
+        &set,
+        &steps,
+        &PixelEncoder::new(D_MAX),
+        &oracle,
+        &options,
+        &count,
+    )
+    .unwrap();
+    let seen = seen.into_inner().unwrap();
+    let most = |phase| {
+        seen.iter()
+            .filter(|p| p.phase == phase)
+            .map(|p| (p.done, p.total))
+            .max()
+    };
+    assert_eq!(most(GraphPhase::Encode), Some((110, 110)));
+    assert_eq!(most(GraphPhase::Score), Some((6000, 6000)));
+}
+
+#[test]
+fn inputs_that_do_not_fit_are_refused() {
+    let set = demonstrations("a", &[line(0, 0, 4)]);
+    let oracle = Oracle::new(D_MAX, forward);
+    let build_with = |steps: &[Vec<(Subgoal, usize)>], d_max| {
+        let options = BuildOptions::default();
+        build(
+            &set,
+            steps,
+            &PixelEncoder::new(d_max),
+            &oracle,
+            &options,
+            &silent,
+        )
+        .unwrap_err()
+    };
+    assert!(matches!(
+        build_with(&[], D_MAX),
+        GraphError::SubgoalLists {
+            expected: 1,
+            found: 0,
+            ..
+        }
+    ));
+    let beyond = build_with(&[reached(&[4])], D_MAX);
+    assert!(matches!(
+        beyond,
+        GraphError::SubgoalOutOfRange {
+            step: 4,
+            steps: 4,
+            ..
+        }
+    ));
+    let other = build_with(&[vec![]], 6);
+    assert!(matches!(
+        other,
+        GraphError::DMaxDiffers {
+            expected: 6,
+            found: 5,
+            ..
+        }
+    ));
+}
+
+/// Two tasks on one row: `a` ends at 9, `b` starts at 10; the second demonstration of `b` is elsewhere.
+fn two_tasks() -> (TopologicalGraph, TopologicalGraph) {
+    let row = |from: u8, to: u8, y: u8| {
+        (from..to)
+            .map(|x| vec![f32::from(x), f32::from(y), 0.0])
+            .collect::<Vec<_>>()
+    };
+    let (mut a, mut b) = (
+        TopologicalGraph::new(3, D_MAX),
+        TopologicalGraph::new(3, D_MAX),
+    );
+    add_demonstration(&mut a, &task("a", &["done"]), "a0", &row(0, 10, 0), &[9]);
+    add_demonstration(&mut b, &task("b", &["done"]), "b0", &row(10, 20, 0), &[9]);
+    add_demonstration(&mut b, &task("b", &["done"]), "b1", &row(0, 10, 7), &[9]);
+    (a, b)
+}
+
+fn merge_with(options: &MergeOptions) -> Merged {
+    let (a, b) = two_tasks();
+    let oracle = Oracle::new(D_MAX, forward);
+    merge(&[&a, &b], &[], &oracle, options, &silent).expect("the graphs fit")
+}
+
+#[test]
+fn merging_keeps_all_and_finds_the_seam() {
+    let options = MergeOptions {
+        seam_floor: 0,
+        candidates: CrossTaskCandidates::Seam { window_steps: 3 },
+        ..MergeOptions::default()
+    };
+    let merged = merge_with(&options);
+    assert_eq!(merged.graph.node_count(), 30);
+    assert_eq!(merged.graph.tasks(), ["a", "b"]);
+    assert_eq!(merged.report.pair_count, 3 * 6);
+    let seam = &merged.report.seams[0];
+    // 7, 8, 9 to 10, 11, 12 of the same row, where they are less than 5 apart.
+    assert_eq!((seam.accepted, seam.below_rule), (8, 0));
+    assert_eq!(
+        merged.graph.edge(NodeId(9), NodeId(10)).map(|e| e.steps),
+        Some(1)
+    );
+    let statistics = GraphStatistics::new(&merged.graph, 2);
+    assert_eq!(
+        (statistics.temporal_edges, statistics.cross_task_edges),
+        (27, 8)
+    );
+    assert_eq!(statistics.components, 2);
+    let text = statistics.to_string();
+    assert!(
+        text.contains("task b: 2 demonstrations, 20 nodes, 2 end states; done in 2"),
+        "{text}"
+    );
+    assert!(text.contains("a -> b: 8 edges"), "{text}");
+}
+
+#[test]
+fn floor_keeps_improbable_seam_edges_with_their_probabilities() {
+    let options = MergeOptions {
+        seam_floor: 12,
+        ..MergeOptions::default()
+    };
+    let merged = merge_with(&options);
+    let seam = &merged.report.seams[0];
+    assert_eq!(seam.accepted + seam.below_rule, 12);
+    let weak = merged
+        .graph
+        .edges()
+        .filter(|(_, _, e)| e.connected_probability() < 0.5);
+    assert_eq!(weak.count(), seam.below_rule);
+    assert!(seam.near_misses[0].connected_probability < 0.5);
+}
+
+#[test]
+fn all_candidates_and_a_large_sample_find_the_same_edges() {
+    let edges = |candidates| {
+        let merged = merge_with(&MergeOptions {
+            candidates,
+            seam_floor: 0,
+            ..MergeOptions::default()
+        });
+        let mut edges: Vec<_> = merged
+            .graph
+            .edges()
+            .filter(|(_, _, e)| e.kind == EdgeKind::CrossTask)
+            .map(|(a, b, e)| (a, b, e.steps))
+            .collect();
+        edges.sort_unstable();
+        edges
+    };
+    let sample = CrossTaskCandidates::SeamAndSample {
+        window_steps: 2,
+        pairs: 20_000,
+        seed: 7,
+    };
+    let all = edges(CrossTaskCandidates::All);
+    assert_eq!(all.len(), 4 + 3 + 2 + 1);
+    assert_eq!(edges(sample), all);
+}
+
+#[test]
+fn merging_what_does_not_belong_together_is_refused() {
+    let (a, _) = two_tasks();
+    let oracle = Oracle::new(D_MAX, forward);
+    let options = MergeOptions::default();
+    let refused = |graphs: &[&TopologicalGraph], order: &[&str]| {
+        merge(graphs, order, &oracle, &options, &silent).unwrap_err()
+    };
+    assert_eq!(refused(&[], &[]), GraphError::NothingToMerge);
+    assert_eq!(
+        refused(&[&a, &a], &[]),
+        GraphError::TaskTwice {
+            task: "a".to_owned()
+        }
+    );
+    assert!(matches!(
+        refused(&[&a], &["a", "c"]),
+        GraphError::UnknownTask { .. }
+    ));
+    let mut other = TopologicalGraph::new(4, D_MAX);
+    add_demonstration(
+        &mut other,
+        &task("c", &["done"]),
+        "c0",
+        &[vec![0.0; 4]],
+        &[0],
+    );
+    assert!(matches!(
+        refused(&[&a, &other], &[]),
+        GraphError::LatentLengthDiffers {
+            expected: 3,
+            found: 4,
+            ..
+        }
+    ));
+    let longer = TopologicalGraph::new(3, 7);
+    assert!(matches!(
+        refused(&[&longer], &[]),
+        GraphError::DMaxDiffers { found: 7, .. }
+    ));
+}

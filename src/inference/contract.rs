@@ -1,0 +1,204 @@
+//! [`Model`] as the encoder, the traversability function and the local policy of the house.
+
+use super::Model;
+use super::network::{Tensor, in_batches};
+use super::pixels::planes;
+use crate::model::{
+    ActionDistribution, Encoder, Latents, LocalPolicy, ModelError, ModelSpec, Projections,
+    StepDistributions, Traversability,
+};
+use crate::trajectory::State;
+
+/// States that are encoded at once.
+const STATES_A_BATCH: usize = 16;
+/// Latents that are projected at once.
+const LATENTS_A_BATCH: usize = 512;
+/// Pairs that are scored at once; larger batches were measured to be slower.
+const PAIRS_A_BATCH: usize = 2048;
+
+impl Encoder for Model {
+    fn spec(&self) -> &ModelSpec {
+        &self.manifest.spec
+    }
+
+    fn encode(&self, states: &[State]) -> Result<Latents, ModelError> {
+        let dim = self.spec().latent_dim;
+        let [latents] = in_batches(states.len(), STATES_A_BATCH, |range| {
+            encode_batch(self, &states[range])
+        })?;
+        check("values of the encoder", states.len() * dim, latents.len())?;
+        Ok(Latents::from_values(dim, latents))
+    }
+}
+
+fn encode_batch(model: &Model, states: &[State]) -> Result<[Vec<f32>; 1], ModelError> {
+    let spec = model.spec();
+    let mut pixels = Vec::with_capacity(spec.cameras.len());
+    for camera in &spec.cameras {
+        pixels.push(planes(states, camera, spec.stack)?);
+    }
+    let inputs: Vec<Tensor<'_>> = spec
+        .cameras
+        .iter()
+        .zip(&pixels)
+        .map(|(camera, values)| Tensor {
+            name: &camera.name,
+            shape: vec![
+                states.len(),
+                3 * spec.stack,
+                camera.height as usize,
+                camera.width as usize,
+            ],
+            values,
+        })
+        .collect();
+    model.encoder.run(&inputs, states.len(), ["latent"])
+}
+
+impl Traversability for Model {
+    fn d_max(&self) -> usize {
+        self.spec().d_max
+    }
+
+    fn project(&self, latents: &Latents) -> Result<Projections, ModelError> {
+        let dim = self.spec().latent_dim;
+        check("latents", dim, latents.dim())?;
+        let [from, to] = in_batches(latents.len(), LATENTS_A_BATCH, |range| {
+            let input = Tensor {
+                name: "latent",
+                shape: vec![range.len(), dim],
+                values: &latents.values()[range.start * dim..range.end * dim],
+            };
+            self.projection.run(&[input], range.len(), ["from", "to"])
+        })?;
+        let width = self.manifest.projection_width;
+        check("projections", latents.len() * width, from.len())?;
+        check("projections", latents.len() * width, to.len())?;
+        Ok(Projections {
+            from: Latents::from_values(width, from),
+            to: Latents::from_values(width, to),
+        })
+    }
+
+    fn predict(
+        &self,
+        from: &Projections,
+        to: &Projections,
+        pairs: &[(u32, u32)],
+    ) -> Result<StepDistributions, ModelError> {
+        let width = self.manifest.projection_width;
+        if !pairs.is_empty() {
+            check("projections", width, from.from.dim())?;
+            check("projections", width, to.to.dim())?;
+        }
+        let [mut logits] = in_batches(pairs.len(), PAIRS_A_BATCH, |range| {
+            let pairs = &pairs[range];
+            let sources = gather(&from.from, pairs.iter().map(|p| p.0));
+            let targets = gather(&to.to, pairs.iter().map(|p| p.1));
+            let input = |name, values| Tensor {
+                name,
+                shape: vec![pairs.len(), width],
+                values,
+            };
+            let inputs = [input("from", &sources), input("to", &targets)];
+            self.traversability.run(&inputs, pairs.len(), ["logits"])
+        })?;
+        let d_max = self.d_max();
+        check(
+            "logits of the traversability function",
+            pairs.len() * d_max,
+            logits.len(),
+        )?;
+        for row in logits.chunks_exact_mut(d_max) {
+            softmax(row, self.manifest.temperature);
+        }
+        Ok(StepDistributions::new(d_max, logits))
+    }
+}
+
+impl LocalPolicy for Model {
+    fn act(&self, from: &[f32], goal: &[f32]) -> Result<ActionDistribution, ModelError> {
+        let dim = self.spec().latent_dim;
+        check("latents", dim, from.len())?;
+        check("latents", dim, goal.len())?;
+        let input = |name, values| Tensor {
+            name,
+            shape: vec![1, dim],
+            values,
+        };
+        let inputs = [input("from", from), input("goal", goal)];
+        let [mut logits] = self.policy.run(&inputs, 1, ["logits"])?;
+        let sizes = self.spec().action_space.head_sizes();
+        check(
+            "logits of the local policy",
+            sizes.iter().sum(),
+            logits.len(),
+        )?;
+        let mut rest = logits.as_mut_slice();
+        let heads = sizes
+            .iter()
+            .map(|size| {
+                let (head, after) = std::mem::take(&mut rest).split_at_mut(*size);
+                rest = after;
+                softmax(head, 1.0);
+                head.to_vec()
+            })
+            .collect();
+        Ok(ActionDistribution { heads })
+    }
+}
+
+/// Rows of a table, one after another.
+fn gather(table: &Latents, rows: impl ExactSizeIterator<Item = u32>) -> Vec<f32> {
+    let mut gathered = Vec::with_capacity(rows.len() * table.dim());
+    for row in rows {
+        gathered.extend_from_slice(table.row(row as usize));
+    }
+    gathered
+}
+
+/// Turns logits into probabilities in place, after dividing them by the temperature.
+fn softmax(logits: &mut [f32], temperature: f32) {
+    let largest = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    let mut sum = 0.0;
+    for value in logits.iter_mut() {
+        *value = ((*value - largest) / temperature).exp();
+        sum += *value;
+    }
+    for value in logits {
+        *value /= sum;
+    }
+}
+
+fn check(what: &str, expected: usize, found: usize) -> Result<(), ModelError> {
+    if expected == found {
+        return Ok(());
+    }
+    Err(ModelError::Length {
+        what: what.to_owned(),
+        expected,
+        found,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn softmax_at_a_temperature_is_that_of_the_divided_logits() {
+        let mut row = [2.0_f32.ln() * 3.0, 0.0, 1000.0_f32.ln() * -3.0];
+        softmax(&mut row, 3.0);
+        let sum = 2.0 + 1.0 + 0.001;
+        for (p, expected) in row.iter().zip([2.0 / sum, 1.0 / sum, 0.001 / sum]) {
+            assert!((p - expected).abs() < 1e-6, "{row:?}");
+        }
+    }
+
+    #[test]
+    fn softmax_of_large_logits_stays_finite() {
+        let mut row = [1e30, 1e30];
+        softmax(&mut row, 0.5);
+        assert_eq!(row, [0.5, 0.5]);
+    }
+}

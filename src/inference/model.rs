@@ -1,0 +1,184 @@
+use std::fmt;
+use std::path::Path;
+
+use super::network::Network;
+use super::{Engine, EngineChoice, InferenceError};
+use crate::model::{
+    ENCODER_FILE, Latents, LocalPolicy, MANIFEST_FILE, ManifestError, ModelError, ModelManifest,
+    POLICY_FILE, PROJECTION_FILE, TRAVERSABILITY_FILE, Traversability,
+};
+
+/// A trained model, ready to run: the encoder, the traversability function and the local policy.
+pub struct Model {
+    engine: &'static Engine,
+    pub(super) manifest: ModelManifest,
+    pub(super) encoder: Network,
+    pub(super) projection: Network,
+    pub(super) traversability: Network,
+    pub(super) policy: Network,
+}
+
+impl Model {
+    /// Loads the model in a folder, after checking each of its files against the manifest.
+    ///
+    /// # Errors
+    /// [`InferenceError::FileUnreadable`] for a missing file, [`InferenceError::ManifestRefused`] when
+    /// the manifest is of another version or a file differs from it,
+    /// [`InferenceError::NetworkMisfit`] when a network is not what the manifest says, and the errors
+    /// of [`Engine::select`].
+    pub fn load(folder: &Path, choice: EngineChoice) -> Result<Self, InferenceError> {
+        let refused = |source: ManifestError| InferenceError::ManifestRefused {
+            folder: folder.to_path_buf(),
+            source,
+        };
+        let manifest =
+            ModelManifest::from_json(&read(&folder.join(MANIFEST_FILE))?).map_err(refused)?;
+        check_spec(&folder.join(MANIFEST_FILE), &manifest)?;
+        let engine = Engine::select(choice)?;
+        let network = |stage, file: &str| {
+            let path = folder.join(file);
+            let bytes = read(&path)?;
+            manifest.verify(file, &bytes).map_err(refused)?;
+            Network::load(engine, stage, &path, bytes)
+        };
+        let model = Self {
+            engine,
+            encoder: network("the encoder", ENCODER_FILE)?,
+            projection: network("the projection", PROJECTION_FILE)?,
+            traversability: network("the traversability function", TRAVERSABILITY_FILE)?,
+            policy: network("the local policy", POLICY_FILE)?,
+            manifest,
+        };
+        model.check_names(folder)?;
+        model.check_widths(folder)?;
+        Ok(model)
+    }
+
+    /// What the model's folder says of it.
+    #[must_use]
+    pub fn manifest(&self) -> &ModelManifest {
+        &self.manifest
+    }
+
+    /// The digest by which graphs know the model that they were built with.
+    #[must_use]
+    pub fn digest(&self) -> String {
+        self.manifest.digest()
+    }
+
+    /// What computes it.
+    #[must_use]
+    pub fn engine(&self) -> &'static Engine {
+        self.engine
+    }
+
+    fn check_names(&self, folder: &Path) -> Result<(), InferenceError> {
+        let cameras: Vec<&str> = self.cameras().collect();
+        let networks: [(&str, &Network, &[&str], &[&str]); 4] = [
+            (ENCODER_FILE, &self.encoder, &cameras, &["latent"]),
+            (
+                PROJECTION_FILE,
+                &self.projection,
+                &["latent"],
+                &["from", "to"],
+            ),
+            (
+                TRAVERSABILITY_FILE,
+                &self.traversability,
+                &["from", "to"],
+                &["logits"],
+            ),
+            (POLICY_FILE, &self.policy, &["from", "goal"], &["logits"]),
+        ];
+        for (file, network, inputs, outputs) in networks {
+            let found = network.names();
+            for (what, expected, found) in [
+                ("the set of inputs", inputs, found.0),
+                ("the set of outputs", outputs, found.1),
+            ] {
+                let mut expected = expected.to_vec();
+                let mut found: Vec<&str> = found.iter().map(String::as_str).collect();
+                expected.sort_unstable();
+                found.sort_unstable();
+                if expected != found {
+                    return Err(InferenceError::NetworkMisfit {
+                        path: folder.join(file),
+                        what: what.to_owned(),
+                        expected: expected.join(", "),
+                        found: found.join(", "),
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs the small networks once, so that a width that does not fit shows before the robot moves.
+    fn check_widths(&self, folder: &Path) -> Result<(), InferenceError> {
+        let spec = &self.manifest.spec;
+        let zeros = Latents::from_values(spec.latent_dim, vec![0.0; spec.latent_dim]);
+        let misfit = |file: &str, error: &ModelError| InferenceError::NetworkMisfit {
+            path: folder.join(file),
+            what: "the result for a latent of zeros".to_owned(),
+            expected: "what the manifest says".to_owned(),
+            found: error.to_string(),
+        };
+        let projections = self
+            .project(&zeros)
+            .map_err(|e| misfit(PROJECTION_FILE, &e))?;
+        self.predict(&projections, &projections, &[(0, 0)])
+            .map_err(|e| misfit(TRAVERSABILITY_FILE, &e))?;
+        self.act(zeros.row(0), zeros.row(0))
+            .map_err(|e| misfit(POLICY_FILE, &e))?;
+        Ok(())
+    }
+
+    fn cameras(&self) -> impl Iterator<Item = &str> {
+        self.manifest.spec.cameras.iter().map(|c| c.name.as_str())
+    }
+}
+
+impl fmt::Debug for Model {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Model")
+            .field("digest", &self.digest())
+            .field("engine", &self.engine.description())
+            .finish_non_exhaustive()
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, InferenceError> {
+    std::fs::read(path).map_err(|e| InferenceError::FileUnreadable {
+        path: path.to_path_buf(),
+        reason: e.to_string(),
+    })
+}
+
+fn check_spec(path: &Path, manifest: &ModelManifest) -> Result<(), InferenceError> {
+    let spec = &manifest.spec;
+    let positive = |what: &str, value: usize| (what.to_owned(), value > 0, value.to_string());
+    let checks = [
+        positive("the number of cameras", spec.cameras.len()),
+        positive("`stack`", spec.stack),
+        positive("`latent_dim`", spec.latent_dim),
+        positive("`projection_width`", manifest.projection_width),
+        positive(
+            "the number of action heads",
+            spec.action_space.head_sizes().len(),
+        ),
+        ("`d_max`".to_owned(), spec.d_max > 1, spec.d_max.to_string()),
+        (
+            "`temperature`".to_owned(),
+            manifest.temperature.is_finite() && manifest.temperature > 0.0,
+            manifest.temperature.to_string(),
+        ),
+    ];
+    match checks.into_iter().find(|(_, fine, _)| !fine) {
+        None => Ok(()),
+        Some((what, _, found)) => Err(InferenceError::SpecImpossible {
+            path: path.to_path_buf(),
+            what,
+            found,
+        }),
+    }
+}

@@ -1,0 +1,119 @@
+//! What the trainer exports computes here what it computed there.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::near;
+use crate::inference::{EngineChoice, Model};
+use crate::model::{Encoder, LocalPolicy, Traversability};
+use crate::training::{Dataset, Preset, ReferenceOutputs, TrainedModel, export};
+use crate::trajectory::{
+    Action, ActionSpace, DemonstrationSet, Image, Observation, State, Step, Trajectory,
+};
+
+const STEPS: usize = 21;
+
+/// Two cameras of different sizes, with pictures in which every pixel differs.
+fn demonstration() -> Trajectory {
+    let image = |height: u32, width: u32, step: usize| {
+        let rgb: Vec<u8> = (0..(height * width * 3) as usize)
+            .map(|i| ((i * 37 + step * 101 + i / 7 * step) % 256) as u8)
+            .collect();
+        Image::new(height, width, rgb).expect("it is full")
+    };
+    let steps = (0..STEPS)
+        .map(|step| {
+            let observation = Observation::new([
+                ("wrist".to_owned(), image(16, 16, step + 50)),
+                ("head".to_owned(), image(16, 24, step)),
+            ]);
+            Step {
+                time_secs: step as f64,
+                observation: Arc::new(observation),
+                action: Action::Primitive(step % 3),
+            }
+        })
+        .collect();
+    Trajectory {
+        id: "one".to_owned(),
+        task: "toy".to_owned(),
+        action_space: ActionSpace::Primitives {
+            names: ["left", "right", "stay"].map(String::from).to_vec(),
+        },
+        steps,
+        markers: Vec::new(),
+    }
+}
+
+fn softmax(row: &[f32], temperature: f32) -> Vec<f32> {
+    let weights: Vec<f32> = row.iter().map(|v| (v / temperature).exp()).collect();
+    let sum: f32 = weights.iter().sum();
+    weights.iter().map(|w| w / sum).collect()
+}
+
+fn assert_near(what: &str, found: &[f32], expected: &[f32]) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    for (i, (a, b)) in found.iter().zip(expected).enumerate() {
+        assert!(near(*a, *b), "{what} {i}: {a} here, {b} in training");
+    }
+}
+
+/// A folder with an exported network of random weights, the same in every process, and states for it.
+pub fn exported() -> (tempfile::TempDir, Vec<State>) {
+    let (trained, states, ..) = trained();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    export(&trained, BTreeMap::new(), folder.path()).expect("the folder can be written");
+    (folder, states)
+}
+
+fn trained() -> (TrainedModel, Vec<State>, Vec<(u32, u32)>, ReferenceOutputs) {
+    let trajectory = demonstration();
+    let config = Preset::Tiny.config();
+    let states: Vec<State> = (0..STEPS)
+        .map(|s| trajectory.state(s, config.stack))
+        .collect();
+    let again = Trajectory {
+        id: "two".to_owned(),
+        ..trajectory.clone()
+    };
+    let set = DemonstrationSet::new("toy", vec![trajectory, again]).expect("they agree");
+    let data = Dataset::new(&[set]).expect("a set that agrees with itself");
+    let mut model = TrainedModel::untrained(&data, &config);
+    model.temperature = 1.7;
+    let pairs: Vec<(u32, u32)> = (0..STEPS as u32)
+        .map(|i| (i, i * 5 % STEPS as u32))
+        .collect();
+    let reference = model
+        .reference_outputs(&states, &pairs)
+        .expect("the states fit");
+    (model, states, pairs, reference)
+}
+
+#[test]
+fn exported_networks_agree_with_burn() {
+    let (trained, states, pairs, reference) = trained();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path().join("model");
+    export(&trained, BTreeMap::new(), &folder).expect("the folder can be written");
+    let model = Model::load(&folder, EngineChoice::Auto).expect("a model that was just exported");
+
+    let latents = model.encode(&states).expect("the states fit");
+    assert_near("latent", latents.values(), reference.latents.values());
+    let projections = model.project(&latents).expect("the latents fit");
+    assert_near("from", projections.from.values(), reference.from.values());
+    assert_near("to", projections.to.values(), reference.to.values());
+    let steps = model
+        .predict(&projections, &projections, &pairs)
+        .expect("the rows exist");
+    for (pair, (from, to)) in pairs.iter().enumerate() {
+        let expected = softmax(reference.traversability.row(pair), 1.7);
+        assert_near("traversability", steps.row(pair), &expected);
+        let (from, to) = (latents.row(*from as usize), latents.row(*to as usize));
+        let actions = model.act(from, to).expect("the latents fit");
+        assert_near(
+            "policy",
+            &actions.heads[0],
+            &softmax(reference.policy.row(pair), 1.0),
+        );
+    }
+}

@@ -1,0 +1,7 @@
+//! The command `catena`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    catena::cli::main()
+}

@@ -1,0 +1,21 @@
+//! What the rest of the house asks of a learned model: encode states, predict traversability, act
+//! towards a nearby goal. No framework is named here; `inference` implements these traits.
+
+mod encoder;
+mod error;
+mod latents;
+mod manifest;
+mod policy;
+mod spec;
+mod traversability;
+
+pub use encoder::Encoder;
+pub use error::ModelError;
+pub use latents::Latents;
+pub use manifest::{
+    ENCODER_FILE, MANIFEST_FILE, MODEL_FORMAT_VERSION, ManifestError, ModelManifest, POLICY_FILE,
+    PROJECTION_FILE, TRAVERSABILITY_FILE, TrainingRecord, ValidationMetrics, sha256_hex,
+};
+pub use policy::{ActionDistribution, LocalPolicy};
+pub use spec::ModelSpec;
+pub use traversability::{Projections, StepDistributions, Traversability};

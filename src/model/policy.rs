@@ -1,0 +1,50 @@
+use super::ModelError;
+
+/// The probabilities of actions: one distribution a head of the action space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ActionDistribution {
+    /// Probabilities of the classes of each head, each summing to 1.
+    pub heads: Vec<Vec<f32>>,
+}
+
+impl ActionDistribution {
+    /// The most probable class of each head; the lowest index wins a tie.
+    #[must_use]
+    pub fn most_probable(&self) -> Vec<usize> {
+        self.heads
+            .iter()
+            .map(|head| {
+                let mut best = 0;
+                for (class, p) in head.iter().enumerate() {
+                    if *p > head[best] {
+                        best = class;
+                    }
+                }
+                best
+            })
+            .collect()
+    }
+
+    /// Shannon entropy in nats, summed over the heads; 0 for a policy that is certain.
+    #[must_use]
+    pub fn entropy(&self) -> f32 {
+        self.heads
+            .iter()
+            .flatten()
+            .filter(|p| **p > 0.0)
+            .map(|p| -p * p.ln())
+            .sum()
+    }
+}
+
+/// The local goal-conditioned policy: which action leads from one state to a nearby goal state
+/// (Fu & Finn, section III-E).
+pub trait LocalPolicy {
+    /// The action probabilities on the way from the state with latent `from` to the one with latent
+    /// `goal`.
+    ///
+    /// # Errors
+    /// [`ModelError::Length`] for latents of another length, [`ModelError::Engine`] when the network
+    /// cannot be run.
+    fn act(&self, from: &[f32], goal: &[f32]) -> Result<ActionDistribution, ModelError>;
+}

@@ -1,0 +1,18 @@
+use serde::{Deserialize, Serialize};
+
+use crate::trajectory::{ActionSpace, CameraSpec};
+
+/// What a model takes and gives; stored in its manifest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ModelSpec {
+    /// The cameras in the order of their latents.
+    pub cameras: Vec<CameraSpec>,
+    /// How many frames make a state.
+    pub stack: usize,
+    /// The actions of the local policy.
+    pub action_space: ActionSpace,
+    /// Number of traversability classes; class `d_max` means disconnected.
+    pub d_max: usize,
+    /// Values in a state's latent: all cameras together.
+    pub latent_dim: usize,
+}

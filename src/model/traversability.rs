@@ -1,0 +1,101 @@
+use super::{Latents, ModelError};
+
+/// States made ready for [`Traversability::predict`]: what the model wants of a state when it is the
+/// first of a pair, and when it is the second. Rows are states; only the model knows their meaning.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Projections {
+    /// A state as the one that is left.
+    pub from: Latents,
+    /// A state as the one that is to be reached.
+    pub to: Latents,
+}
+
+impl Projections {
+    /// Adds the rows of another table made by the same model.
+    ///
+    /// # Panics
+    /// If the other table's rows have another length.
+    pub fn extend(&mut self, other: &Self) {
+        if self.from.is_empty() {
+            self.clone_from(other);
+        } else {
+            self.from.extend(&other.from);
+            self.to.extend(&other.to);
+        }
+    }
+}
+
+/// Class probabilities of pairs: a row of `d_max` values a pair, summing to 1. Column `k` is the
+/// probability that the second state lies `k + 1` time steps after the first; the last column is the
+/// probability that it is `d_max` or more steps away or cannot be reached at all.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StepDistributions {
+    d_max: usize,
+    probabilities: Vec<f32>,
+}
+
+impl StepDistributions {
+    /// Wraps probabilities that lie row after row.
+    ///
+    /// # Panics
+    /// If they are not a whole number of rows of `d_max`.
+    #[must_use]
+    pub fn new(d_max: usize, probabilities: Vec<f32>) -> Self {
+        assert!(d_max > 0 && probabilities.len().is_multiple_of(d_max));
+        Self {
+            d_max,
+            probabilities,
+        }
+    }
+
+    /// Number of pairs.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.probabilities.len() / self.d_max
+    }
+
+    /// Whether there is no pair.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.probabilities.is_empty()
+    }
+
+    /// The probabilities of one pair.
+    #[must_use]
+    pub fn row(&self, pair: usize) -> &[f32] {
+        &self.probabilities[pair * self.d_max..(pair + 1) * self.d_max]
+    }
+
+    /// All rows in the order of the pairs.
+    pub fn rows(&self) -> impl Iterator<Item = &[f32]> {
+        self.probabilities.chunks_exact(self.d_max)
+    }
+}
+
+/// The learned traversability function: how many time steps lead from one state to another
+/// (Fu & Finn, section III-C). It is directed.
+pub trait Traversability {
+    /// Number of classes.
+    fn d_max(&self) -> usize;
+
+    /// Makes states ready for [`predict`](Self::predict); done once a state, not once a pair.
+    ///
+    /// # Errors
+    /// [`ModelError::Length`] for latents of another length, [`ModelError::Engine`] when the network
+    /// cannot be run.
+    fn project(&self, latents: &Latents) -> Result<Projections, ModelError>;
+
+    /// Class probabilities for pairs `(row of from, row of to)`, in the order of the pairs.
+    ///
+    /// # Errors
+    /// [`ModelError`] as for [`project`](Self::project).
+    ///
+    /// # Panics
+    /// If a pair names a row that is not there.
+    fn predict(
+        &self,
+        from: &Projections,
+        to: &Projections,
+        pairs: &[(u32, u32)],
+    ) -> Result<StepDistributions, ModelError>;
+}

@@ -1,0 +1,42 @@
+use thiserror::Error;
+
+/// Why nothing can be planned on a graph.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum PlannerError {
+    /// The composition names no task.
+    #[error("the composition has no task")]
+    NoTask,
+    /// The composition names a task that the graph does not show.
+    #[error("the composition needs task '{task}', the graph has: {known}")]
+    UnknownTask {
+        /// The task.
+        task: String,
+        /// The graph's tasks, separated by commas.
+        known: String,
+    },
+    /// No state can be final.
+    #[error(
+        "task '{task}' has no final state: of {ends} end states of its demonstrations, none has \
+         reached all {subgoals} subgoals; look at the subgoals of its demonstrations"
+    )]
+    NoFinalState {
+        /// The last task.
+        task: String,
+        /// How many end states there are.
+        ends: usize,
+        /// How many subgoals the task has.
+        subgoals: usize,
+    },
+    /// A demonstration was asked for that is not there or whose end cannot be final.
+    #[error(
+        "demonstration '{demonstration}' cannot give the final state of '{task}'; these can: {known}"
+    )]
+    UnknownDemonstration {
+        /// What was asked for.
+        demonstration: String,
+        /// The last task.
+        task: String,
+        /// Demonstrations whose end can be final.
+        known: String,
+    },
+}

@@ -1,0 +1,213 @@
+use super::no_path::explain_live;
+use super::{LiveDistances, Localisation, NoPath, PlaceId, Planner, Price, Search};
+use crate::graph::NodeId;
+
+/// What a goal state was chosen by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GoalBasis {
+    /// The predicted distances from the current state.
+    Distances,
+    /// No state that may come next seems near: the plan goes on from where the filter believes the
+    /// robot to be.
+    Belief,
+}
+
+/// Where the local policy is to go now.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GoalChoice {
+    /// The goal state.
+    pub node: NodeId,
+    /// Steps that it is predicted to be ahead.
+    pub steps: u32,
+    /// The cost from the current state to the final state.
+    pub cost: f64,
+    /// What the choice rests on.
+    pub basis: GoalBasis,
+    /// Probability that the goal state is fewer than `d_max` steps away, if known.
+    pub connected_probability: Option<f32>,
+    /// Whether the robot seems to be at the final state: nothing is left to go to.
+    pub has_arrived: bool,
+    /// From the first state of the plan to the final state; the goal state is on it.
+    pub route: Vec<NodeId>,
+    /// For each state of the route, how many subgoals of the composition hold there.
+    pub stages: Vec<usize>,
+}
+
+/// Where a route begins, and what it takes to get there.
+struct Entry {
+    place: PlaceId,
+    price: Price,
+    total: f64,
+}
+
+impl Planner {
+    /// The goal state for now: the best place to join the graph, and from there along the route up to
+    /// [`lookahead_steps`](super::PlannerOptions::lookahead_steps), not past a subgoal that is due.
+    ///
+    /// A search in order joins only where the stage allows it and, unless the robot is lost, not
+    /// further ahead than the options allow. Where nothing is near enough, it goes on from where the
+    /// filter believes the robot to be ([`GoalBasis::Belief`]).
+    ///
+    /// # Errors
+    /// [`NoPath`] when no final state can be reached.
+    ///
+    /// # Panics
+    /// If the distances are of another graph.
+    pub fn next_goal(
+        &self,
+        localisation: &Localisation,
+        distances: &LiveDistances,
+    ) -> Result<GoalChoice, NoPath> {
+        assert_eq!(
+            distances.node_count(),
+            self.graph.node_count(),
+            "distances of another graph"
+        );
+        if let Some(entry) = self.best_entry(localisation, distances) {
+            return Ok(self.choose(localisation, distances, &entry, GoalBasis::Distances));
+        }
+        match self.believed_entry(localisation) {
+            Some(entry) => Ok(self.choose(localisation, distances, &entry, GoalBasis::Belief)),
+            None => Err(explain_live(self, localisation, distances)),
+        }
+    }
+
+    /// The place with the least cost from the current state to the final state through it.
+    fn best_entry(&self, localisation: &Localisation, distances: &LiveDistances) -> Option<Entry> {
+        let mut best: Option<Entry> = None;
+        for place in self.all_places() {
+            let Some(beyond) = self.costs.cost(place) else {
+                continue;
+            };
+            let Some(price) = self.live_price(localisation, distances, place) else {
+                continue;
+            };
+            let total = price.cost + beyond;
+            if best.as_ref().is_none_or(|b| total < b.total) {
+                best = Some(Entry {
+                    place,
+                    price,
+                    total,
+                });
+            }
+        }
+        best
+    }
+
+    /// What going from the current state straight to a place costs, if that may be planned.
+    fn live_price(
+        &self,
+        localisation: &Localisation,
+        distances: &LiveDistances,
+        id: PlaceId,
+    ) -> Option<Price> {
+        let place = self.layout.place(id);
+        if !self.layout.may_enter(&self.graph, localisation.stage, id) {
+            return None;
+        }
+        let row = distances.to(place.node)?;
+        if 1.0 - row[row.len() - 1] < self.options.min_live_probability {
+            return None;
+        }
+        let mut price = self.options.cost.price(row)?;
+        let is_bounded = self.options.search == Search::InOrder && !localisation.is_lost;
+        if let (Some(slack), true) = (self.options.forward_leap_steps, is_bounded) {
+            let ahead = place.time_steps - localisation.time_steps;
+            if ahead > (price.steps + slack) as f32 {
+                return None;
+            }
+        }
+        price.cost += self.extra_cost(place.node);
+        Some(price)
+    }
+
+    fn believed_entry(&self, localisation: &Localisation) -> Option<Entry> {
+        let here = |id: &PlaceId| {
+            let place = self.layout.place(*id);
+            place.occurrence == localisation.occurrence
+                || self.options.search == Search::Unconstrained
+        };
+        let place = self.layout.places_of(localisation.node).find(here)?;
+        let total = self.costs.cost(place)?;
+        Some(Entry {
+            place,
+            price: Price {
+                cost: 0.0,
+                steps: 0,
+            },
+            total,
+        })
+    }
+
+    fn choose(
+        &self,
+        localisation: &Localisation,
+        distances: &LiveDistances,
+        entry: &Entry,
+        basis: GoalBasis,
+    ) -> GoalChoice {
+        let places = self.places_to_goal(entry.place);
+        let is_there = self.options.lookahead_steps > 0
+            && (basis == GoalBasis::Belief || self.is_at(distances, entry.place));
+        let (goal, steps) = self.look_ahead(localisation, distances, entry, &places, is_there);
+        let node = self.layout.place(places[goal]).node;
+        GoalChoice {
+            node,
+            steps,
+            cost: entry.total,
+            basis,
+            connected_probability: distances.connected_probability(node),
+            has_arrived: places.len() == 1 && self.is_at(distances, entry.place),
+            route: places.iter().map(|p| self.layout.place(*p).node).collect(),
+            stages: places.iter().map(|p| self.layout.place(*p).stage).collect(),
+        }
+    }
+
+    /// Which place of a route to go to, as an index, and its predicted steps from here.
+    fn look_ahead(
+        &self,
+        localisation: &Localisation,
+        distances: &LiveDistances,
+        entry: &Entry,
+        places: &[PlaceId],
+        is_there: bool,
+    ) -> (usize, u32) {
+        let mut steps = if is_there { 0 } else { entry.price.steps };
+        let mut goal = 0;
+        for (i, pair) in places.windows(2).enumerate() {
+            let Some(road) = self.costs.next(&self.roads, pair[0]) else {
+                break;
+            };
+            let must_move = is_there && i == 0;
+            let is_due = self.layout.search() == Search::InOrder
+                && self.layout.place(pair[0]).stage > localisation.stage;
+            let waits = is_due && !self.is_one_step_off(distances, pair[0]);
+            let is_far = steps + road.steps > self.options.lookahead_steps;
+            if !must_move && (waits || is_far || !self.seems_connected(distances, pair[1])) {
+                break;
+            }
+            steps += road.steps;
+            goal = i + 1;
+        }
+        (goal, steps.max(1))
+    }
+
+    /// Whether a place is not known to be out of the local policy's reach.
+    fn seems_connected(&self, distances: &LiveDistances, place: PlaceId) -> bool {
+        distances
+            .connected_probability(self.layout.place(place).node)
+            .is_none_or(|p| p >= self.options.min_live_probability)
+    }
+
+    fn is_one_step_off(&self, distances: &LiveDistances, place: PlaceId) -> bool {
+        let row = distances.to(self.layout.place(place).node);
+        row.is_some_and(|r| r[0] > 0.5)
+    }
+
+    /// Whether the robot seems to be at a place: one step from it, and the place one step from the
+    /// robot, which is how the traversability function says "the same" (Fu & Finn, section III-C).
+    fn is_at(&self, distances: &LiveDistances, place: PlaceId) -> bool {
+        let back = distances.from(self.layout.place(place).node);
+        self.is_one_step_off(distances, place) && back.is_some_and(|r| r[0] > 0.5)
+    }
+}

@@ -1,0 +1,259 @@
+use super::timeline::Timeline;
+use super::{PlannerError, Search};
+use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph};
+use crate::task::{Automaton, Subgoal};
+
+/// Index of a place in its layout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct PlaceId(pub u32);
+
+impl PlaceId {
+    /// As an index into per-place tables.
+    #[must_use]
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// A node at one occurrence of its task in a composition.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// The node.
+    pub node: NodeId,
+    /// Which of the composition's tasks, from 0; a task that comes twice has places at both.
+    pub occurrence: usize,
+    /// How many subgoals of the composition hold here.
+    pub stage: usize,
+    /// Steps since the start of the composition, in the median time of the demonstrations.
+    pub time_steps: f32,
+}
+
+/// A graph laid out along a composition: all places, and what a plan may do between them.
+///
+/// Nodes of tasks that the composition does not name have no place.
+#[derive(Clone, Debug)]
+pub struct Layout {
+    places: Vec<Place>,
+    /// For each node, its number among the nodes of its task.
+    ranks: Vec<u32>,
+    /// For each node, the first place of each of its occurrences: an index into `starts`.
+    occurrences: Vec<Vec<usize>>,
+    starts: Vec<u32>,
+    successors: Vec<Option<PlaceId>>,
+    subgoals: Vec<Subgoal>,
+    search: Search,
+}
+
+impl Layout {
+    /// Lays out a graph. [`Search::Unconstrained`] gives every node of the graph one place, and
+    /// allows every edge.
+    ///
+    /// # Errors
+    /// [`PlannerError::NoTask`], and [`PlannerError::UnknownTask`] for a task that the graph lacks.
+    pub fn new(
+        graph: &TopologicalGraph,
+        automaton: &Automaton,
+        search: Search,
+    ) -> Result<Self, PlannerError> {
+        check(graph, automaton)?;
+        let offsets = stage_offsets(automaton);
+        let mut layout = Self {
+            places: Vec::new(),
+            ranks: vec![0; graph.node_count()],
+            occurrences: vec![Vec::new(); graph.node_count()],
+            starts: Vec::new(),
+            successors: Vec::new(),
+            subgoals: automaton.subgoals().to_vec(),
+            search,
+        };
+        let mut tasks: Vec<(&str, usize)> = automaton
+            .tasks()
+            .iter()
+            .map(String::as_str)
+            .zip(offsets)
+            .collect();
+        if search == Search::Unconstrained {
+            layout.add_strangers(graph, &mut tasks);
+        }
+        layout.add_occurrences(graph, &tasks);
+        layout.find_successors(graph);
+        Ok(layout)
+    }
+
+    /// The flat layout has each node once: the first occurrence of tasks, and tasks that the
+    /// composition does not name behind them.
+    fn add_strangers<'g>(&self, graph: &'g TopologicalGraph, tasks: &mut Vec<(&'g str, usize)>)
+    where
+        Self: 'g,
+    {
+        let mut once: Vec<(&str, usize)> = Vec::new();
+        let strangers = graph.tasks().into_iter().map(|t| (t, self.subgoals.len()));
+        for (task, offset) in tasks.iter().copied().chain(strangers) {
+            if !once.iter().any(|(t, _)| *t == task) {
+                let task = graph.tasks().into_iter().find(|t| *t == task);
+                once.extend(task.map(|t| (t, offset)));
+            }
+        }
+        *tasks = once;
+    }
+
+    fn add_occurrences(&mut self, graph: &TopologicalGraph, tasks: &[(&str, usize)]) {
+        let mut start_steps = 0.0;
+        for (occurrence, (task, offset)) in tasks.iter().enumerate() {
+            let timeline = Timeline::new(graph, task);
+            self.starts.push(self.places.len() as u32);
+            for (rank, (&node, time)) in timeline.time_steps.iter().enumerate() {
+                self.ranks[node.index()] = rank as u32;
+                self.occurrences[node.index()].push(occurrence);
+                self.places.push(Place {
+                    node,
+                    occurrence,
+                    stage: (offset + graph.node(node).progress as usize).min(self.subgoals.len()),
+                    time_steps: start_steps + time,
+                });
+            }
+            start_steps += timeline.length_steps;
+        }
+    }
+
+    fn find_successors(&mut self, graph: &TopologicalGraph) {
+        self.successors = vec![None; self.places.len()];
+        for (from, to, edge) in graph.edges() {
+            if edge.kind == EdgeKind::Temporal {
+                for &occurrence in &self.occurrences[from.index()] {
+                    let (a, b) = (self.at(from, occurrence), self.at(to, occurrence));
+                    self.successors[a.index()] = Some(b);
+                }
+            }
+        }
+    }
+
+    fn at(&self, node: NodeId, occurrence: usize) -> PlaceId {
+        PlaceId(self.starts[occurrence] + self.ranks[node.index()])
+    }
+
+    /// All places; a [`PlaceId`] is an index into them.
+    #[must_use]
+    pub fn places(&self) -> &[Place] {
+        &self.places
+    }
+
+    /// One place.
+    ///
+    /// # Panics
+    /// If it is not in the layout.
+    #[must_use]
+    pub fn place(&self, id: PlaceId) -> &Place {
+        &self.places[id.index()]
+    }
+
+    /// The places of a node, one for each occurrence of its task.
+    pub fn places_of(&self, node: NodeId) -> impl Iterator<Item = PlaceId> {
+        self.occurrences[node.index()]
+            .iter()
+            .map(move |o| self.at(node, *o))
+    }
+
+    /// The place one step later in the same demonstration.
+    #[must_use]
+    pub fn successor(&self, id: PlaceId) -> Option<PlaceId> {
+        self.successors[id.index()]
+    }
+
+    /// Number of stages: one more than the composition has subgoals.
+    #[must_use]
+    pub fn stage_count(&self) -> usize {
+        self.subgoals.len() + 1
+    }
+
+    /// The composition's subgoals in order.
+    #[must_use]
+    pub fn subgoals(&self) -> &[Subgoal] {
+        &self.subgoals
+    }
+
+    /// What plans may do on this layout.
+    #[must_use]
+    pub fn search(&self) -> Search {
+        self.search
+    }
+
+    /// Whether a plan that is at `stage` may go to a place next: the place keeps the stage, or
+    /// reaches all that lies between.
+    #[must_use]
+    pub fn may_enter(&self, graph: &TopologicalGraph, stage: usize, to: PlaceId) -> bool {
+        let place = self.place(to);
+        self.search == Search::Unconstrained
+            || (place.stage >= stage
+                && self.subgoals[stage..place.stage]
+                    .iter()
+                    .all(|due| graph.node(place.node).reached.contains(due)))
+    }
+
+    /// The pairs of places that an edge of the graph joins in a plan.
+    pub(super) fn joined(
+        &self,
+        graph: &TopologicalGraph,
+        from: NodeId,
+        to: NodeId,
+        edge: &Edge,
+    ) -> Vec<(PlaceId, PlaceId)> {
+        let mut pairs = Vec::new();
+        for a in self.places_of(from) {
+            for b in self.places_of(to) {
+                let (here, there) = (self.place(a), self.place(b));
+                let same = here.occurrence == there.occurrence;
+                let next =
+                    here.occurrence + 1 == there.occurrence && edge.kind != EdgeKind::Temporal;
+                let flat = self.search == Search::Unconstrained;
+                if flat || ((same || next) && self.may_enter(graph, here.stage, b)) {
+                    pairs.push((a, b));
+                }
+            }
+        }
+        pairs
+    }
+}
+
+fn check(graph: &TopologicalGraph, automaton: &Automaton) -> Result<(), PlannerError> {
+    if automaton.tasks().is_empty() {
+        return Err(PlannerError::NoTask);
+    }
+    let known = graph.tasks();
+    match automaton
+        .tasks()
+        .iter()
+        .find(|t| !known.contains(&t.as_str()))
+    {
+        Some(task) => Err(PlannerError::UnknownTask {
+            task: task.clone(),
+            known: known.join(", "),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// For each occurrence of a task, how many subgoals the tasks before it have.
+pub(super) fn stage_offsets(automaton: &Automaton) -> Vec<usize> {
+    let mut offset = 0;
+    automaton
+        .tasks()
+        .iter()
+        .map(|task| {
+            let here = offset;
+            offset += subgoal_count(automaton, task);
+            here
+        })
+        .collect()
+}
+
+/// How many subgoals one occurrence of a task has.
+pub(super) fn subgoal_count(automaton: &Automaton, task: &str) -> usize {
+    let occurrences = automaton.tasks().iter().filter(|t| *t == task).count();
+    let subgoals = automaton
+        .subgoals()
+        .iter()
+        .filter(|s| s.task == task)
+        .count();
+    subgoals / occurrences.max(1)
+}

@@ -1,0 +1,354 @@
+use serde::{Deserialize, Serialize};
+
+use super::motion::Motion;
+use super::{Layout, LiveDistances, PlaceId};
+use crate::graph::NodeId;
+
+/// How the robot is followed along a composition.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FilterOptions {
+    /// Weight of staying at a state for a step; the three weights are relative to each other.
+    pub stay: f64,
+    /// Weight of going on to the next state of the same demonstration.
+    pub advance: f64,
+    /// Weight of going on by two states.
+    pub hurry: f64,
+    /// Probability of a jump to any state at about the same time of the composition.
+    pub jump: f64,
+    /// Probability of being anywhere at all, whatever was known: how fast an error is forgotten.
+    pub restart: f64,
+    /// Power that likelihoods are raised to: below 1 because images that follow each other err alike.
+    pub evidence_weight: f64,
+    /// Least likelihood of a state, so that one wrong prediction rules nothing out.
+    pub floor: f64,
+    /// Probability that the next stage must have for a vote to go there.
+    pub advance_mass: f64,
+    /// Votes in a row until the stage advances.
+    pub advance_votes: u32,
+    /// Probability that earlier stages must have together for a vote to fall back.
+    pub regress_mass: f64,
+    /// Votes in a row until the stage falls back (what was held has slipped); `None`: never.
+    pub regress_votes: Option<u32>,
+    /// The robot is lost when the states where it is believed to be are connected to what it sees
+    /// with less than this probability ...
+    pub lost_probability: f64,
+    /// ... for so many steps in a row.
+    pub lost_patience: u32,
+}
+
+impl Default for FilterOptions {
+    fn default() -> Self {
+        Self {
+            stay: 0.25,
+            advance: 0.6,
+            hurry: 0.15,
+            jump: 0.05,
+            restart: 1e-4,
+            evidence_weight: 0.7,
+            floor: 1e-3,
+            advance_mass: 0.6,
+            advance_votes: 2,
+            regress_mass: 0.85,
+            regress_votes: Some(4),
+            lost_probability: 0.2,
+            lost_patience: 4,
+        }
+    }
+}
+
+/// What became of the stage in a step.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum StageChange {
+    /// The subgoals up to this stage are reached, each one seen.
+    Advanced {
+        /// The new stage.
+        to: usize,
+    },
+    /// Fewer subgoals hold than before.
+    Regressed {
+        /// The new stage.
+        to: usize,
+    },
+    /// The robot seems to be beyond subgoals that it never reached. The stage stays; set it with
+    /// [`StageFilter::set_stage`] to accept that.
+    Shortcut {
+        /// The stage at which the robot seems to be.
+        to: usize,
+        /// The subgoals that were not seen, as stages at which they are due.
+        skipped: Vec<usize>,
+    },
+}
+
+/// Where in the composition the robot is believed to be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Localisation {
+    /// The most probable state.
+    pub node: NodeId,
+    /// At which of the composition's tasks, from 0.
+    pub occurrence: usize,
+    /// How many subgoals are taken to be reached.
+    pub stage: usize,
+    /// Time of the most probable state in the composition, in the median time of the demonstrations.
+    pub time_steps: f32,
+    /// Probability of each stage, summing to 1.
+    pub stage_probabilities: Vec<f64>,
+    /// Entropy of the belief over places in nats: 0 for certainty.
+    pub entropy_nats: f64,
+    /// Mean probability (0..=1), by belief, that what the robot sees is connected to where it is
+    /// believed to be.
+    pub fit: f64,
+    /// Whether the fit has been low for several steps.
+    pub is_lost: bool,
+    /// What became of the stage in this step.
+    pub change: Option<StageChange>,
+}
+
+/// Follows a robot along a composition: a belief over places, moved on at each step and weighed by how
+/// near each place seems.
+///
+/// A single look-alike frame moves little of it, since the robot cannot have been anywhere near that
+/// state before. Stages advance and fall back by votes. The same input gives the same belief.
+#[derive(Clone, Debug)]
+pub struct StageFilter {
+    layout: Layout,
+    options: FilterOptions,
+    motion: Motion,
+    belief: Vec<f64>,
+    stage: usize,
+    votes: Votes,
+    /// For each stage, the largest probability it had since the current stage began.
+    peaks: Vec<f64>,
+    unfit_steps: u32,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Votes {
+    ahead: u32,
+    behind: u32,
+}
+
+/// How far into the first task the robot may be at the beginning: mean of an exponential.
+const START_STEPS: f64 = 4.0;
+/// Probability that a stage must have had once for its subgoal to count as seen.
+const SEEN: f64 = 0.3;
+
+impl StageFilter {
+    /// A filter that believes the robot near the start of the first task.
+    #[must_use]
+    pub fn new(layout: Layout, options: FilterOptions) -> Self {
+        let motion = Motion::new(&layout);
+        let stages = layout.stage_count();
+        let mut filter = Self {
+            layout,
+            options,
+            motion,
+            belief: Vec::new(),
+            stage: 0,
+            votes: Votes::default(),
+            peaks: vec![0.0; stages],
+            unfit_steps: 0,
+        };
+        filter.reset();
+        filter
+    }
+
+    /// Back to the beginning of the composition, for a new episode.
+    pub fn reset(&mut self) {
+        let start = |time: f32| (-f64::from(time) / START_STEPS).exp();
+        let first = |o: usize, s: usize| o == 0 && s == 0;
+        self.belief = self
+            .layout
+            .places()
+            .iter()
+            .map(|p| {
+                if first(p.occurrence, p.stage) {
+                    start(p.time_steps)
+                } else {
+                    0.0
+                }
+            })
+            .map(|b| b + self.options.restart)
+            .collect();
+        normalise(&mut self.belief);
+        self.set_stage(0);
+        self.unfit_steps = 0;
+    }
+
+    /// The graph along the composition.
+    #[must_use]
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// The nodes whose distances the filter wants: all that have a place.
+    #[must_use]
+    pub fn candidates(&self) -> Vec<NodeId> {
+        let mut nodes: Vec<NodeId> = self.layout.places().iter().map(|p| p.node).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        nodes
+    }
+
+    /// How many subgoals are taken to be reached.
+    #[must_use]
+    pub fn stage(&self) -> usize {
+        self.stage
+    }
+
+    /// The belief, by place; sums to 1.
+    #[must_use]
+    pub fn belief(&self) -> &[f64] {
+        &self.belief
+    }
+
+    /// Takes the robot to be at a stage, whatever the votes say.
+    ///
+    /// # Panics
+    /// If the composition has no such stage.
+    pub fn set_stage(&mut self, stage: usize) {
+        assert!(
+            stage < self.layout.stage_count(),
+            "stage {stage} of {}",
+            self.layout.stage_count()
+        );
+        self.stage = stage;
+        self.votes = Votes::default();
+        self.peaks.fill(0.0);
+    }
+
+    /// One step on: the robot acted, and now sees something at these distances.
+    pub fn update(&mut self, distances: &LiveDistances) -> Localisation {
+        let mut belief = self
+            .motion
+            .predict(&self.layout, &self.options, &self.belief);
+        for (mass, place) in belief.iter_mut().zip(self.layout.places()) {
+            *mass *= self.likelihood(distances, place.node);
+        }
+        normalise(&mut belief);
+        self.belief = belief;
+        let stage_probabilities = self.stage_probabilities();
+        let change = self.vote(&stage_probabilities);
+        self.localise(distances, stage_probabilities, change)
+    }
+
+    /// How well the distances from and to a state fit with the robot being at it: both are one step
+    /// for the state itself, and more or less so for its neighbours.
+    fn likelihood(&self, distances: &LiveDistances, node: NodeId) -> f64 {
+        let near = |row: Option<&[f32]>| {
+            let Some(row) = row else { return 0.0 };
+            let mut weight = 1.0;
+            let mut sum = 0.0;
+            for p in &row[..row.len() - 1] {
+                sum += weight * f64::from(*p);
+                weight *= 0.4;
+            }
+            sum
+        };
+        let floor = self.options.floor;
+        let both = (floor + near(distances.to(node))) * (floor + near(distances.from(node)));
+        both.powf(self.options.evidence_weight)
+    }
+
+    fn stage_probabilities(&self) -> Vec<f64> {
+        let mut probabilities = vec![0.0; self.layout.stage_count()];
+        for (mass, place) in self.belief.iter().zip(self.layout.places()) {
+            probabilities[place.stage] += mass;
+        }
+        probabilities
+    }
+
+    /// Counts this step's votes and changes the stage when they suffice.
+    fn vote(&mut self, probabilities: &[f64]) -> Option<StageChange> {
+        for (peak, p) in self.peaks.iter_mut().zip(probabilities) {
+            *peak = peak.max(*p);
+        }
+        let behind: f64 = probabilities[..self.stage].iter().sum();
+        let ahead: f64 = probabilities[self.stage + 1..].iter().sum();
+        let count = |votes: u32, mass: f64, least: f64| if mass >= least { votes + 1 } else { 0 };
+        self.votes.ahead = count(self.votes.ahead, ahead, self.options.advance_mass);
+        self.votes.behind = count(self.votes.behind, behind, self.options.regress_mass);
+        if self.votes.ahead > 0 && self.votes.ahead >= self.options.advance_votes {
+            let to = self.stage + 1 + most_probable(&probabilities[self.stage + 1..]);
+            return self.advance(to);
+        }
+        let enough = self.options.regress_votes.map(|v| v.max(1));
+        if enough.is_some_and(|votes| self.votes.behind >= votes) {
+            let to = most_probable(&probabilities[..self.stage]);
+            self.set_stage(to);
+            return Some(StageChange::Regressed { to });
+        }
+        None
+    }
+
+    fn advance(&mut self, to: usize) -> Option<StageChange> {
+        let skipped: Vec<usize> = (self.stage..to)
+            .filter(|due| self.peaks[due + 1] < SEEN && due + 1 != to)
+            .collect();
+        if skipped.is_empty() {
+            self.set_stage(to);
+            return Some(StageChange::Advanced { to });
+        }
+        // A stage that is only passed through may still gather its votes: report a shortcut once, and
+        // when it has lasted longer than that takes.
+        let patience = self.options.advance_votes.max(1) * 2;
+        (self.votes.ahead == patience).then_some(StageChange::Shortcut { to, skipped })
+    }
+
+    fn localise(
+        &mut self,
+        distances: &LiveDistances,
+        stage_probabilities: Vec<f64>,
+        change: Option<StageChange>,
+    ) -> Localisation {
+        let best = self
+            .layout
+            .place(PlaceId(most_probable(&self.belief) as u32));
+        let connected = |node| f64::from(distances.connected_probability(node).unwrap_or(0.0));
+        let fit: f64 = self
+            .belief
+            .iter()
+            .zip(self.layout.places())
+            .map(|(mass, place)| mass * connected(place.node))
+            .sum();
+        let is_unfit = fit < self.options.lost_probability;
+        self.unfit_steps = if is_unfit { self.unfit_steps + 1 } else { 0 };
+        Localisation {
+            node: best.node,
+            occurrence: best.occurrence,
+            stage: self.stage,
+            time_steps: best.time_steps,
+            stage_probabilities,
+            entropy_nats: entropy(&self.belief),
+            fit,
+            is_lost: self.unfit_steps > 0 && self.unfit_steps >= self.options.lost_patience,
+            change,
+        }
+    }
+}
+
+/// Index of the largest value; the first wins a tie, an empty slice gives 0.
+fn most_probable(values: &[f64]) -> usize {
+    let mut best = 0;
+    for (i, v) in values.iter().enumerate() {
+        if *v > values[best] {
+            best = i;
+        }
+    }
+    best
+}
+
+fn entropy(belief: &[f64]) -> f64 {
+    belief
+        .iter()
+        .filter(|b| **b > 0.0)
+        .map(|b| -b * b.ln())
+        .sum()
+}
+
+fn normalise(belief: &mut [f64]) {
+    let sum: f64 = belief.iter().sum();
+    for b in belief {
+        *b /= sum;
+    }
+}

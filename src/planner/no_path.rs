@@ -1,0 +1,246 @@
+use std::fmt;
+
+use super::roads::{Rejection, road};
+use super::{LiveDistances, Localisation, PlaceId, Planner};
+use crate::graph::{EdgeKind, NodeId};
+use crate::task::Subgoal;
+
+/// The place where a route breaks off that would be easiest to mend.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Gap {
+    /// An edge is there but may not be planned: too improbable for its cost, or too long a leap.
+    Edge {
+        /// The state that is left.
+        from: NodeId,
+        /// The state that is to be reached.
+        to: NodeId,
+        /// Where it comes from.
+        kind: EdgeKind,
+        /// Its probability of being passable in fewer than `d_max` steps, 0..=1.
+        connected_probability: f32,
+        /// Why it was not used.
+        reason: String,
+    },
+    /// There is no edge; these two states have the least distant latents.
+    Latents {
+        /// A state that can be reached.
+        from: NodeId,
+        /// A state from which the final state can be reached.
+        to: NodeId,
+        /// Euclidean distance of their latents.
+        distance: f32,
+    },
+}
+
+impl Gap {
+    /// The two states between which a demonstration would help most.
+    #[must_use]
+    pub fn ends(&self) -> (NodeId, NodeId) {
+        match self {
+            Self::Edge { from, to, .. } | Self::Latents { from, to, .. } => (*from, *to),
+        }
+    }
+}
+
+/// Why no final state can be reached, and what would help.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NoPath {
+    /// How many subgoals of the composition can be reached.
+    pub reachable_stage: usize,
+    /// The subgoals that cannot be reached, or whose states do not lead on.
+    pub cut_off: Vec<Subgoal>,
+    /// The break that would be easiest to mend, if there is anything on both sides of it.
+    pub gap: Option<Gap>,
+    /// The same as words, with the demonstrations and steps of both states.
+    pub advice: String,
+}
+
+impl fmt::Display for NoPath {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names: Vec<String> = self
+            .cut_off
+            .iter()
+            .map(|s| format!("{}.{}", s.task, s.name))
+            .collect();
+        write!(
+            f,
+            "no route to a final state; cut off: {}. {}",
+            if names.is_empty() {
+                "only the end".to_owned()
+            } else {
+                names.join(", ")
+            },
+            self.advice
+        )
+    }
+}
+
+impl std::error::Error for NoPath {}
+
+/// Why no final state can be reached from where the robot is.
+pub(super) fn explain_live(
+    planner: &Planner,
+    localisation: &Localisation,
+    distances: &LiveDistances,
+) -> NoPath {
+    let starts: Vec<PlaceId> = planner
+        .all_places()
+        .filter(|id| {
+            let place = planner.layout.place(*id);
+            planner
+                .layout
+                .may_enter(&planner.graph, localisation.stage, *id)
+                && distances
+                    .to(place.node)
+                    .is_some_and(|row| planner.options.cost.price(row).is_some())
+        })
+        .collect();
+    let mut why = explain(planner, &starts);
+    if starts.is_empty() {
+        why.reachable_stage = localisation.stage;
+        why.cut_off = planner.layout.subgoals()[localisation.stage..].to_vec();
+        why.advice = match distances.nearest() {
+            Some((node, probability)) => format!(
+                "No state of stage {} seems near; the nearest of all is {} with P(connected) {probability:.3}",
+                localisation.stage,
+                planner.graph.node(node).place()
+            ),
+            None => "No distance from the current state is known".to_owned(),
+        };
+    }
+    why
+}
+
+/// Why no final state can be reached from any of some places.
+pub(super) fn explain(planner: &Planner, starts: &[PlaceId]) -> NoPath {
+    let is_reached = reachable(planner, starts);
+    let stage_of = |id: &PlaceId| planner.layout.place(*id).stage;
+    let reached = planner.all_places().filter(|p| is_reached[p.index()]);
+    let reachable_stage = reached.map(|p| stage_of(&p)).max().unwrap_or(0);
+    let gap = best_edge(planner, &is_reached).or_else(|| nearest_latents(planner, &is_reached));
+    NoPath {
+        reachable_stage,
+        cut_off: planner.layout.subgoals()[reachable_stage..].to_vec(),
+        advice: advice(planner, gap.as_ref()),
+        gap,
+    }
+}
+
+fn reachable(planner: &Planner, starts: &[PlaceId]) -> Vec<bool> {
+    let mut is_reached = vec![false; planner.layout.places().len()];
+    let mut open: Vec<PlaceId> = starts.to_vec();
+    while let Some(place) = open.pop() {
+        if !std::mem::replace(&mut is_reached[place.index()], true) {
+            open.extend(
+                planner
+                    .roads
+                    .outgoing(place.index())
+                    .iter()
+                    .map(|r| PlaceId(r.to)),
+            );
+        }
+    }
+    is_reached
+}
+
+/// The most probable edge from what can be reached to what leads to a final state.
+fn best_edge(planner: &Planner, is_reached: &[bool]) -> Option<Gap> {
+    let mut best: Option<(f32, Gap)> = None;
+    for (from, to, edge) in planner.graph.edges() {
+        let probability = edge.connected_probability();
+        if best.as_ref().is_some_and(|(p, _)| *p >= probability) {
+            continue;
+        }
+        for (a, b) in planner.layout.joined(&planner.graph, from, to, edge) {
+            let Err(rejection) = road(&planner.layout, &planner.options, (a, b), edge) else {
+                continue;
+            };
+            if is_reached[a.index()] && planner.costs.cost(b).is_some() {
+                let gap = Gap::Edge {
+                    from,
+                    to,
+                    kind: edge.kind,
+                    connected_probability: probability,
+                    reason: reason(rejection).to_owned(),
+                };
+                best = Some((probability, gap));
+            }
+        }
+    }
+    best.map(|(_, gap)| gap)
+}
+
+fn reason(rejection: Rejection) -> &'static str {
+    match rejection {
+        Rejection::Kind => "learned edges are switched off",
+        Rejection::Price => "disconnected is its most probable class",
+        Rejection::Leap => "it leads further ahead than forward_leap_steps allows",
+    }
+}
+
+/// The two states with the nearest latents between which a plan might go.
+fn nearest_latents(planner: &Planner, is_reached: &[bool]) -> Option<Gap> {
+    let places = || {
+        planner
+            .all_places()
+            .map(|id| (id, *planner.layout.place(id)))
+    };
+    let last_stage = places()
+        .filter(|(id, _)| is_reached[id.index()])
+        .map(|(_, p)| p.stage)
+        .max()?;
+    let near_side: Vec<_> = places()
+        .filter(|(id, p)| is_reached[id.index()] && p.stage == last_stage)
+        .collect();
+    let far_side = places().filter(|(id, _)| {
+        !is_reached[id.index()]
+            && planner.costs.cost(*id).is_some()
+            && planner.layout.may_enter(&planner.graph, last_stage, *id)
+    });
+    let latents = planner.graph.latents();
+    let mut best: Option<(f32, NodeId, NodeId)> = None;
+    for (_, far) in far_side {
+        for (_, near) in &near_side {
+            let (a, b) = (
+                latents.row(near.node.index()),
+                latents.row(far.node.index()),
+            );
+            let square: f32 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
+            if best.is_none_or(|(d, _, _)| square < d) {
+                best = Some((square, near.node, far.node));
+            }
+        }
+    }
+    best.map(|(square, from, to)| Gap::Latents {
+        from,
+        to,
+        distance: square.sqrt(),
+    })
+}
+
+fn advice(planner: &Planner, gap: Option<&Gap>) -> String {
+    let place = |id: NodeId| {
+        let node = planner.graph.node(id);
+        format!("{} of task {}", node.place(), node.task)
+    };
+    let Some(gap) = gap else {
+        return "Nothing leads towards a final state: record demonstrations that reach it"
+            .to_owned();
+    };
+    let (from, to) = gap.ends();
+    let (from, to) = (place(from), place(to));
+    match gap {
+        Gap::Edge {
+            connected_probability,
+            reason,
+            ..
+        } => format!(
+            "The nearest miss goes from {from} to {to} with P(connected) {connected_probability:.3}: \
+             {reason}. A demonstration from the first to the second would bridge it"
+        ),
+        Gap::Latents { distance, .. } => format!(
+            "No edge crosses; the most similar states are {from} and {to} (latent distance \
+             {distance:.3}). A demonstration from the first to the second would bridge it"
+        ),
+    }
+}

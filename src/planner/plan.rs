@@ -1,0 +1,317 @@
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::choice::final_places;
+use super::no_path::explain;
+use super::roads::Roads;
+use super::{
+    Audit, CostToGo, FilterOptions, FinalChoice, Layout, NoPath, PlaceId, PlannerError,
+    PlannerOptions, Search, StageFilter, audit,
+};
+use crate::graph::{NodeId, TopologicalGraph};
+use crate::task::Automaton;
+
+/// A route to a final state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// The states in order, the final state last.
+    pub route: Vec<NodeId>,
+    /// For each of them, how many subgoals of the composition hold there.
+    pub stages: Vec<usize>,
+    /// The cost of all its edges.
+    pub cost: f64,
+    /// Predicted time steps.
+    pub steps: u32,
+}
+
+/// Plans on a graph that stays, from wherever the robot is; see the [module](super) for how.
+///
+/// ```
+/// use std::sync::Arc;
+/// use catena::graph::{Edge, Node, NodeId, TopologicalGraph};
+/// use catena::planner::{FinalChoice, Planner, PlannerOptions};
+/// use catena::task::{Automaton, Subgoal, Task};
+///
+/// let done = Subgoal { task: "tidy".to_owned(), name: "done".to_owned() };
+/// let mut graph = TopologicalGraph::new(1, 5);
+/// for step in 0..3 {
+///     let is_end = step == 2;
+///     let node = Node {
+///         task: "tidy".to_owned(),
+///         trajectory: "tidy_0".to_owned(),
+///         step,
+///         reached: if is_end { vec![done.clone()] } else { Vec::new() },
+///         progress: u32::from(is_end),
+///         is_end,
+///     };
+///     graph.add_node(node, &[step as f32]);
+/// }
+/// graph.add_edge(NodeId(0), NodeId(1), Edge::temporal(5));
+/// graph.add_edge(NodeId(1), NodeId(2), Edge::temporal(5));
+///
+/// let tidy = Task { name: "tidy".to_owned(), subgoals: vec![done] };
+/// let planner = Planner::new(
+///     Arc::new(graph),
+///     &Automaton::in_order(&[tidy]),
+///     &FinalChoice::Cheapest,
+///     PlannerOptions::default(),
+/// )?;
+/// let plan = planner.plan_from_start()?;
+/// assert_eq!(plan.route, [NodeId(0), NodeId(1), NodeId(2)]);
+/// assert!(planner.audit(&plan).is_clean());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Planner {
+    pub(super) graph: Arc<TopologicalGraph>,
+    pub(super) automaton: Automaton,
+    pub(super) layout: Layout,
+    pub(super) options: PlannerOptions,
+    pub(super) roads: Roads,
+    pub(super) costs: CostToGo,
+    finals: Vec<PlaceId>,
+    /// What going to a state, or between two states, costs extra because it failed.
+    failed_nodes: BTreeMap<NodeId, f64>,
+    failed_edges: BTreeMap<(NodeId, NodeId), f64>,
+}
+
+impl Planner {
+    /// Lays the graph out along the composition and searches the cost-to-go of every place.
+    ///
+    /// # Errors
+    /// [`PlannerError`] when the composition does not fit the graph or has no final state. That no
+    /// route leads to the final state is no error here: planning says why.
+    pub fn new(
+        graph: Arc<TopologicalGraph>,
+        automaton: &Automaton,
+        final_choice: &FinalChoice,
+        options: PlannerOptions,
+    ) -> Result<Self, PlannerError> {
+        let layout = Layout::new(&graph, automaton, options.search)?;
+        let finals = final_places(&graph, automaton, &layout, final_choice)?;
+        let roads = Roads::new(&graph, &layout, &options);
+        let costs = CostToGo::new(&roads, &finals);
+        let mut planner = Self {
+            graph,
+            automaton: automaton.clone(),
+            layout,
+            options,
+            roads,
+            costs,
+            finals,
+            failed_nodes: BTreeMap::new(),
+            failed_edges: BTreeMap::new(),
+        };
+        if *final_choice == FinalChoice::Nearest {
+            planner.keep_nearest_final();
+        }
+        Ok(planner)
+    }
+
+    fn keep_nearest_final(&mut self) {
+        let start = self.cheapest_start();
+        if let Some(end) = start.and_then(|s| self.places_to_goal(s).last().copied()) {
+            self.finals = vec![end];
+            self.costs = CostToGo::new(&self.roads, &self.finals);
+        }
+    }
+
+    /// The graph that is planned on.
+    #[must_use]
+    pub fn graph(&self) -> &Arc<TopologicalGraph> {
+        &self.graph
+    }
+
+    /// The subgoals and their order.
+    #[must_use]
+    pub fn automaton(&self) -> &Automaton {
+        &self.automaton
+    }
+
+    /// The graph along the composition.
+    #[must_use]
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// How it plans.
+    #[must_use]
+    pub fn options(&self) -> &PlannerOptions {
+        &self.options
+    }
+
+    /// The cost-to-go of every place.
+    #[must_use]
+    pub fn costs(&self) -> &CostToGo {
+        &self.costs
+    }
+
+    /// The states at which plans end.
+    #[must_use]
+    pub fn final_states(&self) -> Vec<NodeId> {
+        self.finals
+            .iter()
+            .map(|p| self.layout.place(*p).node)
+            .collect()
+    }
+
+    /// The plan from the first state of whichever demonstration of the first task is cheapest.
+    ///
+    /// # Errors
+    /// [`NoPath`] when no final state can be reached from any of them.
+    pub fn plan_from_start(&self) -> Result<Plan, NoPath> {
+        match self.cheapest_start() {
+            Some(start) => Ok(self.plan_at(start)),
+            None => Err(explain(self, &self.starts())),
+        }
+    }
+
+    /// The plan from a state of the graph, at the first occurrence of its task.
+    ///
+    /// # Errors
+    /// [`NoPath`] when no final state can be reached from it.
+    ///
+    /// # Panics
+    /// If the node is not in the graph.
+    pub fn plan_from(&self, node: NodeId) -> Result<Plan, NoPath> {
+        match self.layout.places_of(node).next() {
+            Some(place) if self.costs.cost(place).is_some() => Ok(self.plan_at(place)),
+            place => Err(explain(self, &Vec::from_iter(place))),
+        }
+    }
+
+    /// Places of the first states of the first task's demonstrations.
+    fn starts(&self) -> Vec<PlaceId> {
+        let is_start = |id: &PlaceId| {
+            let place = self.layout.place(*id);
+            place.occurrence == 0 && self.graph.node(place.node).step == 0
+        };
+        self.all_places().filter(is_start).collect()
+    }
+
+    pub(super) fn all_places(&self) -> impl Iterator<Item = PlaceId> + use<> {
+        (0..self.layout.places().len() as u32).map(PlaceId)
+    }
+
+    fn cheapest_start(&self) -> Option<PlaceId> {
+        let cost = |id: &PlaceId| self.costs.cost(*id);
+        self.starts()
+            .into_iter()
+            .filter(|id| cost(id).is_some())
+            .min_by(|a, b| {
+                cost(a)
+                    .unwrap_or(f64::MAX)
+                    .total_cmp(&cost(b).unwrap_or(f64::MAX))
+            })
+    }
+
+    /// The cheapest way from a place, itself first.
+    pub(super) fn places_to_goal(&self, start: PlaceId) -> Vec<PlaceId> {
+        let mut places = vec![start];
+        let mut here = start;
+        while let Some(road) = self.costs.next(&self.roads, here) {
+            here = PlaceId(road.to);
+            places.push(here);
+        }
+        places
+    }
+
+    fn plan_at(&self, start: PlaceId) -> Plan {
+        let places = self.places_to_goal(start);
+        let steps = places
+            .iter()
+            .filter_map(|p| self.costs.next(&self.roads, *p))
+            .map(|r| r.steps)
+            .sum();
+        Plan {
+            route: places.iter().map(|p| self.layout.place(*p).node).collect(),
+            stages: places.iter().map(|p| self.layout.place(*p).stage).collect(),
+            cost: self.costs.cost(start).unwrap_or(f64::INFINITY),
+            steps,
+        }
+    }
+
+    /// Which subgoals a plan skips, and by which edges.
+    #[must_use]
+    pub fn audit(&self, plan: &Plan) -> Audit {
+        audit(&self.graph, &self.automaton, &plan.route)
+    }
+
+    /// A filter that says where in the composition the robot is, at its beginning.
+    ///
+    /// # Panics
+    /// Never: the composition was laid out on this graph before.
+    #[must_use]
+    pub fn stage_filter(&self, options: FilterOptions) -> StageFilter {
+        let layout = match self.options.search {
+            Search::InOrder => self.layout.clone(),
+            Search::Unconstrained => Layout::new(&self.graph, &self.automaton, Search::InOrder)
+                .expect("the planner's own layout names the same tasks"),
+        };
+        StageFilter::new(layout, options)
+    }
+
+    /// Makes going to a state dearer after it failed: from one state, or from anywhere (also from
+    /// the robot's current state). Extras add up until they [recover](Self::recover). The cost-to-go is
+    /// repaired; returns how many places that took.
+    ///
+    /// # Panics
+    /// If a node is not in the graph, or `extra_cost` is negative or not finite.
+    pub fn penalise(&mut self, from: Option<NodeId>, to: NodeId, extra_cost: f64) -> usize {
+        assert!(
+            extra_cost >= 0.0 && extra_cost.is_finite(),
+            "an extra cost of {extra_cost}"
+        );
+        match from {
+            Some(from) => *self.failed_edges.entry((from, to)).or_insert(0.0) += extra_cost,
+            None => *self.failed_nodes.entry(to).or_insert(0.0) += extra_cost,
+        }
+        self.apply_extras(&[to])
+    }
+
+    /// Lets what failed become cheaper again: extras are multiplied by `keep` (0..=1), and forgotten
+    /// below a tenth of a step. Returns how many places the repair took.
+    pub fn recover(&mut self, keep: f64) -> usize {
+        let mut touched: Vec<NodeId> = self.failed_nodes.keys().copied().collect();
+        touched.extend(self.failed_edges.keys().map(|(_, to)| *to));
+        let fade = |extra: &mut f64| {
+            *extra *= keep.clamp(0.0, 1.0);
+            *extra >= 0.1
+        };
+        self.failed_nodes.retain(|_, extra| fade(extra));
+        self.failed_edges.retain(|_, extra| fade(extra));
+        self.apply_extras(&touched)
+    }
+
+    /// What going to a state from anywhere costs extra.
+    pub(super) fn extra_cost(&self, to: NodeId) -> f64 {
+        self.failed_nodes.get(&to).copied().unwrap_or(0.0)
+    }
+
+    fn apply_extras(&mut self, ends: &[NodeId]) -> usize {
+        let mut changed = Vec::new();
+        for to in ends.iter().flat_map(|n| self.layout.places_of(*n)) {
+            let starts: Vec<u32> = self.roads.incoming(to.index()).map(|r| r.from).collect();
+            for from in starts {
+                let nodes = (
+                    self.layout.place(PlaceId(from)).node,
+                    self.layout.place(to).node,
+                );
+                let edge = self.failed_edges.get(&nodes).copied().unwrap_or(0.0);
+                let extra = edge + self.extra_cost(nodes.1);
+                if self.roads.set_extra(from, to.0, extra) {
+                    changed.push(from);
+                }
+            }
+        }
+        self.costs.repair(&self.roads, &changed)
+    }
+}
+
+#[cfg(test)]
+impl Planner {
+    /// What the repaired table must equal.
+    pub(super) fn searched_anew(&self) -> CostToGo {
+        CostToGo::new(&self.roads, &self.finals)
+    }
+}

@@ -1,0 +1,112 @@
+//! Two tasks along one corridor: position is all that a state shows, and a step moves by one.
+
+use std::sync::Arc;
+
+use crate::graph::fakes::{Oracle, add_demonstration, task};
+use crate::graph::{Edge, EdgeKind, MergeOptions, NodeId, TopologicalGraph, merge};
+use crate::model::{Latents, Traversability};
+use crate::planner::LiveDistances;
+use crate::task::{Automaton, Task};
+
+pub(super) const D_MAX: usize = 5;
+/// Task `a` reaches its subgoals at 8 and 19, `b` at 28 and 39; `a` ends where `b` begins.
+pub(super) const SUBGOALS_AT: [f32; 4] = [8.0, 19.0, 28.0, 39.0];
+
+/// One step a unit forwards, no way back.
+pub(super) fn forward(a: &[f32], b: &[f32]) -> Option<u32> {
+    let ahead = (b[0] - a[0]).round();
+    (ahead >= 0.0).then_some(ahead as u32)
+}
+
+pub(super) fn tasks() -> [Task; 2] {
+    [
+        task("a", &["first", "second"]),
+        task("b", &["first", "second"]),
+    ]
+}
+
+pub(super) fn automaton() -> Automaton {
+    Automaton::in_order(&tasks())
+}
+
+pub(super) fn oracle() -> Oracle {
+    Oracle::new(D_MAX, forward)
+}
+
+/// Three demonstrations of a task from `start` to `start + 19`, each a little aside of the others.
+fn demonstrations(task: &Task, start: f32) -> TopologicalGraph {
+    let mut graph = TopologicalGraph::new(1, D_MAX);
+    for aside in 0..3 {
+        let positions: Vec<Vec<f32>> = (0..20)
+            .map(|i| vec![start + i as f32 + 0.1 * aside as f32])
+            .collect();
+        let id = format!("{}{aside}", task.name);
+        add_demonstration(&mut graph, task, &id, &positions, &[8, 19]);
+    }
+    graph
+}
+
+/// Both tasks, with learned edges between demonstrations and across the seam.
+pub(super) fn merged() -> TopologicalGraph {
+    let [a, b] = tasks();
+    let mut graphs = [demonstrations(&a, 0.0), demonstrations(&b, 20.0)];
+    for graph in &mut graphs {
+        add_near_edges(graph);
+    }
+    let options = MergeOptions {
+        seam_floor: 0,
+        ..MergeOptions::default()
+    };
+    merge(&[&graphs[0], &graphs[1]], &[], &oracle(), &options, &|_| ())
+        .expect("the graphs fit")
+        .graph
+}
+
+fn add_near_edges(graph: &mut TopologicalGraph) {
+    let nodes: Vec<NodeId> = graph.nodes().map(|(id, _)| id).collect();
+    for &a in &nodes {
+        for &b in &nodes {
+            let latents = graph.latents();
+            let steps = forward(latents.row(a.index()), latents.row(b.index()));
+            let other = graph.node(a).trajectory != graph.node(b).trajectory;
+            if let (Some(steps @ 1..5), true) = (steps, other) {
+                graph.add_edge(a, b, learned(EdgeKind::Learned, steps, 0.9));
+            }
+        }
+    }
+}
+
+/// An edge that is connected with a probability.
+pub(super) fn learned(kind: EdgeKind, steps: u32, probability: f32) -> Edge {
+    let mut probabilities = vec![0.0; D_MAX];
+    probabilities[steps as usize - 1] = probability;
+    probabilities[D_MAX - 1] = 1.0 - probability;
+    Edge::predicted(kind, &probabilities)
+}
+
+/// What the robot predicts at a position.
+pub(super) fn seen_from(graph: &Arc<TopologicalGraph>, position: f32) -> LiveDistances {
+    let oracle = oracle();
+    let states = oracle
+        .project(graph.latents())
+        .expect("the oracle knows all");
+    let current = oracle
+        .project(&Latents::from_values(1, vec![position]))
+        .expect("the oracle knows all");
+    let nodes: Vec<NodeId> = graph.nodes().map(|(id, _)| id).collect();
+    LiveDistances::query(&oracle, &states, &current, &nodes, 0.0).expect("the oracle knows all")
+}
+
+/// The node of a demonstration at a step.
+pub(super) fn node_at(graph: &TopologicalGraph, trajectory: &str, step: u32) -> NodeId {
+    graph
+        .nodes()
+        .find(|(_, n)| n.trajectory == trajectory && n.step == step)
+        .map(|(id, _)| id)
+        .expect("the demonstration has the step")
+}
+
+/// How many subgoals hold for a robot that walked to a position.
+pub(super) fn true_stage(position: f32) -> usize {
+    SUBGOALS_AT.iter().filter(|at| position >= **at).count()
+}

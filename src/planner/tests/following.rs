@@ -1,0 +1,220 @@
+//! The filter and the choice of goals, in the corridor.
+
+use std::sync::Arc;
+
+use super::corridor::{automaton, merged, seen_from, true_stage};
+use crate::graph::TopologicalGraph;
+use crate::planner::{
+    FilterOptions, FinalChoice, GoalBasis, LiveDistances, Localisation, Planner, PlannerOptions,
+    StageChange, StageFilter,
+};
+
+fn set_up() -> (Arc<TopologicalGraph>, Planner, StageFilter) {
+    let graph = Arc::new(merged());
+    let options = PlannerOptions::default();
+    let planner = Planner::new(graph.clone(), &automaton(), &FinalChoice::Cheapest, options)
+        .expect("the corridor has a composition");
+    let filter = planner.stage_filter(FilterOptions::default());
+    (graph, planner, filter)
+}
+
+fn position(graph: &TopologicalGraph, localisation: &Localisation) -> f32 {
+    graph.latents().row(localisation.node.index())[0]
+}
+
+/// Walks to a position and returns what was believed at each step.
+fn walk(
+    graph: &Arc<TopologicalGraph>,
+    filter: &mut StageFilter,
+    positions: impl IntoIterator<Item = f32>,
+) -> Vec<Localisation> {
+    positions
+        .into_iter()
+        .map(|x| filter.update(&seen_from(graph, x)))
+        .collect()
+}
+
+fn steps_to(last: usize) -> impl Iterator<Item = f32> {
+    (0..=last).map(|x| x as f32)
+}
+
+#[test]
+fn walking_robot_is_followed_through_both_tasks() {
+    let (graph, _, mut filter) = set_up();
+    let mut late = 0;
+    for (x, here) in walk(&graph, &mut filter, steps_to(39)).iter().enumerate() {
+        let error = (position(&graph, here) - x as f32).abs();
+        assert!(
+            error <= 1.5,
+            "at {x} believed at {}",
+            position(&graph, here)
+        );
+        assert!(
+            here.stage <= true_stage(x as f32),
+            "at {x} too early in stage {}",
+            here.stage
+        );
+        late = if here.stage < true_stage(x as f32) {
+            late + 1
+        } else {
+            0
+        };
+        assert!(late <= 2, "at {x} still in stage {}", here.stage);
+        assert!(!here.is_lost && !matches!(here.change, Some(StageChange::Shortcut { .. })));
+    }
+    walk(&graph, &mut filter, [39.0, 39.0]);
+    assert_eq!(filter.stage(), 4);
+}
+
+#[test]
+fn standing_robot_does_not_drift() {
+    let (graph, _, mut filter) = set_up();
+    walk(&graph, &mut filter, steps_to(5));
+    for here in walk(&graph, &mut filter, [5.0; 30]) {
+        assert!((position(&graph, &here) - 5.0).abs() <= 1.0);
+        assert_eq!(here.stage, 0);
+    }
+}
+
+#[test]
+fn one_look_alike_frame_moves_nothing() {
+    let (graph, _, mut filter) = set_up();
+    walk(&graph, &mut filter, steps_to(5));
+    let here = &walk(&graph, &mut filter, [35.0])[0];
+    assert!(position(&graph, here) < 10.0, "{}", position(&graph, here));
+    assert_eq!(here.stage, 0);
+    let here = &walk(&graph, &mut filter, [6.0])[0];
+    assert!((position(&graph, here) - 6.0).abs() <= 1.0);
+}
+
+#[test]
+fn robot_far_from_everything_is_lost_and_found_again() {
+    let (graph, _, mut filter) = set_up();
+    walk(&graph, &mut filter, steps_to(5));
+    let lost = walk(&graph, &mut filter, [-50.0; 6]);
+    assert!(!lost[0].is_lost && lost[5].is_lost, "fit {}", lost[5].fit);
+    let found = walk(&graph, &mut filter, [6.0, 7.0, 7.0]);
+    assert!(!found[2].is_lost);
+    assert!((position(&graph, &found[2]) - 7.0).abs() <= 1.5);
+}
+
+#[test]
+fn slip_falls_back_to_the_stage_before() {
+    let (graph, _, mut filter) = set_up();
+    walk(&graph, &mut filter, steps_to(11));
+    assert_eq!(filter.stage(), 1);
+    let changes = walk(&graph, &mut filter, [3.0; 20]);
+    let fell = changes
+        .iter()
+        .any(|l| l.change == Some(StageChange::Regressed { to: 0 }));
+    assert!(fell, "{:?}", changes.last());
+}
+
+#[test]
+fn subgoal_without_the_one_before_is_a_shortcut_and_keeps_the_stage() {
+    let (graph, _, mut filter) = set_up();
+    walk(&graph, &mut filter, steps_to(3));
+    let changes = walk(
+        &graph,
+        &mut filter,
+        (22..28).chain([27; 12]).map(|x| x as f32),
+    );
+    let shortcuts: Vec<_> = changes.iter().filter_map(|l| l.change.clone()).collect();
+    let expected = StageChange::Shortcut {
+        to: 2,
+        skipped: vec![0],
+    };
+    assert_eq!(shortcuts, vec![expected]);
+    assert_eq!(filter.stage(), 0);
+    filter.set_stage(2);
+    assert_eq!(filter.stage(), 2);
+}
+
+#[test]
+fn same_frames_give_the_same_belief() {
+    let (graph, _, filter) = set_up();
+    let run = || {
+        let mut filter = filter.clone();
+        walk(&graph, &mut filter, steps_to(30));
+        filter.belief().to_vec()
+    };
+    assert_eq!(run(), run());
+}
+
+#[test]
+fn closed_loop_with_a_policy_that_takes_one_step_reaches_every_stage() {
+    let (graph, planner, mut filter) = set_up();
+    let mut x = 0.0_f32;
+    let mut stages = Vec::new();
+    for _ in 0..60 {
+        let distances = seen_from(&graph, x);
+        let here = filter.update(&distances);
+        let goal = planner
+            .next_goal(&here, &distances)
+            .expect("a way leads on");
+        if stages.last() != Some(&here.stage) {
+            stages.push(here.stage);
+        }
+        if here.stage == 4 {
+            break;
+        }
+        let ahead = graph.latents().row(goal.node.index())[0] - x;
+        assert!(
+            (-1.0..=4.0).contains(&ahead),
+            "at {x}: goal {ahead} ahead, {goal:?}"
+        );
+        x += ahead.clamp(0.0, 1.0);
+    }
+    assert_eq!(stages, vec![0, 1, 2, 3, 4]);
+}
+
+#[test]
+fn goal_lies_ahead_on_the_route_but_not_past_the_due_subgoal() {
+    let (graph, planner, mut filter) = set_up();
+    let here = walk(&graph, &mut filter, steps_to(3))
+        .pop()
+        .expect("a step was made");
+    let goal = planner
+        .next_goal(&here, &seen_from(&graph, 3.0))
+        .expect("a way");
+    let ahead = graph.latents().row(goal.node.index())[0] - 3.0;
+    assert!((2.0..=4.0).contains(&ahead), "{ahead}");
+    assert!(goal.route.contains(&goal.node) && goal.basis == GoalBasis::Distances);
+    let here = walk(&graph, &mut filter, [4.0, 5.0, 6.0])
+        .pop()
+        .expect("a step was made");
+    let goal = planner
+        .next_goal(&here, &seen_from(&graph, 6.0))
+        .expect("a way");
+    let at = graph.latents().row(goal.node.index())[0];
+    assert!(at < 8.5, "the subgoal stands at 8, the goal at {at}");
+}
+
+#[test]
+fn plan_goes_on_by_belief_when_nothing_is_near() {
+    let (graph, planner, mut filter) = set_up();
+    let here = walk(&graph, &mut filter, steps_to(5))
+        .pop()
+        .expect("a step was made");
+    let nothing = LiveDistances::unknown(graph.node_count(), super::corridor::D_MAX);
+    let goal = planner
+        .next_goal(&here, &nothing)
+        .expect("the belief leads on");
+    assert_eq!(goal.basis, GoalBasis::Belief);
+    let ahead = graph.latents().row(goal.node.index())[0] - position(&graph, &here);
+    assert!((1.0..=3.5).contains(&ahead), "{ahead}");
+}
+
+#[test]
+fn robot_at_the_final_state_has_arrived() {
+    let (graph, planner, mut filter) = set_up();
+    walk(&graph, &mut filter, steps_to(39));
+    let here = walk(&graph, &mut filter, [39.0, 39.0])
+        .pop()
+        .expect("a step was made");
+    let goal = planner
+        .next_goal(&here, &seen_from(&graph, 39.0))
+        .expect("a way");
+    assert!(goal.has_arrived, "{goal:?}");
+    assert!(graph.node(goal.node).is_end);
+}

@@ -1,0 +1,17 @@
+//! The closed loop: see, localise, choose a goal state, act, and watch for shortcuts.
+//!
+//! A run sees camera images and the robot's own actions, nothing else. It tells what it does through
+//! [`RolloutObserver`] and typed [`Event`]s; pictures and files are made elsewhere.
+
+mod error;
+mod event;
+mod options;
+mod reflex;
+mod run;
+mod step;
+
+pub use error::RolloutError;
+pub use event::Event;
+pub use options::RolloutOptions;
+pub use run::{Episode, EpisodeEnd, Rollout, RolloutModel};
+pub use step::{RolloutObserver, StepRecord, StepTimes};

@@ -1,0 +1,43 @@
+use thiserror::Error;
+
+use crate::environment::EnvironmentError;
+use crate::model::ModelError;
+use crate::trajectory::TrajectoryError;
+
+/// Why a run broke off. That a plan does not exist, or that time ran out, is no error but an
+/// [`EpisodeEnd`](super::EpisodeEnd).
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum RolloutError {
+    /// The robot failed or refused an action.
+    #[error("step {step}: {source}")]
+    Environment {
+        /// Time step.
+        step: usize,
+        /// What it said.
+        source: EnvironmentError,
+    },
+    /// The model gave no answer.
+    #[error("step {step}: {source}")]
+    Model {
+        /// Time step.
+        step: usize,
+        /// What it said.
+        source: ModelError,
+    },
+    /// The policy's classes do not fit the action space.
+    #[error("step {step}: {source}")]
+    Action {
+        /// Time step.
+        step: usize,
+        /// What does not fit.
+        source: TrajectoryError,
+    },
+    /// The robot's actions are not those that the model was trained on.
+    #[error("the robot takes {robot}, the model was trained on {model}: use a model of this robot")]
+    ActionSpaceDiffers {
+        /// The robot's action space.
+        robot: String,
+        /// The model's.
+        model: String,
+    },
+}

@@ -1,0 +1,108 @@
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::task::Subgoal;
+
+/// Something worth telling that happened during a run, seen from images and actions alone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "event")]
+pub enum Event {
+    /// The subgoal that was due is seen to be reached.
+    SubgoalReached {
+        /// Time step.
+        step: usize,
+        /// The stage that begins.
+        stage: usize,
+        /// What was reached.
+        subgoal: Subgoal,
+        /// Belief in it, 0..=1.
+        confidence: f32,
+    },
+    /// A later subgoal is seen to be reached without earlier ones.
+    Shortcut {
+        /// Time step.
+        step: usize,
+        /// What was reached too early.
+        subgoal: Subgoal,
+        /// What was skipped, in order.
+        skipped: Vec<Subgoal>,
+        /// Belief in it, 0..=1.
+        confidence: f32,
+    },
+    /// A subgoal that was reached is seen to hold no longer: what was held has slipped.
+    SetBack {
+        /// Time step.
+        step: usize,
+        /// The stage that is gone back to.
+        stage: usize,
+        /// What is due again.
+        subgoal: Subgoal,
+    },
+    /// What the cameras show is like no state of the graph.
+    Lost {
+        /// Time step.
+        step: usize,
+    },
+    /// The robot recognises where it is again.
+    Found {
+        /// Time step.
+        step: usize,
+    },
+    /// The cost-to-go has not fallen for a while; the edges tried are made dearer.
+    NoProgress {
+        /// Time step.
+        step: usize,
+        /// Steps since it last fell.
+        steps: usize,
+    },
+    /// The robot is at a final state, or has settled in the last stage.
+    Terminated {
+        /// Time step.
+        step: usize,
+    },
+}
+
+impl fmt::Display for Event {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::SubgoalReached {
+                step,
+                subgoal,
+                confidence,
+                ..
+            } => write!(
+                f,
+                "step {step}: {}/{} reached ({:.0} % sure)",
+                subgoal.task,
+                subgoal.name,
+                100.0 * confidence
+            ),
+            Self::Shortcut {
+                step,
+                subgoal,
+                skipped,
+                confidence,
+            } => {
+                let names: Vec<_> = skipped.iter().map(|s| s.name.as_str()).collect();
+                write!(
+                    f,
+                    "step {step}: SHORTCUT to {}/{}, skipping {} ({:.0} % sure)",
+                    subgoal.task,
+                    subgoal.name,
+                    names.join(", "),
+                    100.0 * confidence
+                )
+            }
+            Self::SetBack { step, subgoal, .. } => {
+                write!(f, "step {step}: {}/{} is due again", subgoal.task, subgoal.name)
+            }
+            Self::Lost { step } => write!(f, "step {step}: lost"),
+            Self::Found { step } => write!(f, "step {step}: found again"),
+            Self::NoProgress { step, steps } => {
+                write!(f, "step {step}: no progress for {steps} steps")
+            }
+            Self::Terminated { step } => write!(f, "step {step}: terminated"),
+        }
+    }
+}

@@ -1,0 +1,45 @@
+use serde::{Deserialize, Serialize};
+
+use crate::composer::OnShortcut;
+use crate::planner::FilterOptions;
+
+/// How a composition is run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RolloutOptions {
+    /// Time steps after which a run ends.
+    pub max_steps: usize,
+    /// What to do about a shortcut.
+    pub on_shortcut: OnShortcut,
+    /// How the robot is followed along the composition.
+    pub filter: FilterOptions,
+    /// Least probability that a state is near for distances back from it to be asked for.
+    pub near_probability: f32,
+    /// Steps without a lower cost-to-go until the goal state is made dearer.
+    pub patience_steps: usize,
+    /// What a goal state that was not reached costs extra, in steps.
+    pub penalty_steps: f64,
+    /// Share of such an extra that is left after each step.
+    pub penalty_keep: f64,
+    /// Mean change of a pixel (0..=255) between two images below which an action is taken to have
+    /// had no effect, and is not tried again until something moves.
+    pub still_levels: f32,
+    /// Steps for which the last stage must last until a run that never gets to a final state ends.
+    pub settle_steps: usize,
+}
+
+impl Default for RolloutOptions {
+    fn default() -> Self {
+        Self {
+            max_steps: 400,
+            on_shortcut: OnShortcut::default(),
+            filter: FilterOptions::default(),
+            near_probability: 0.02,
+            patience_steps: 12,
+            penalty_steps: 4.0,
+            penalty_keep: 0.97,
+            still_levels: 1.6,
+            settle_steps: 12,
+        }
+    }
+}

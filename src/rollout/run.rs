@@ -1,0 +1,407 @@
+use std::sync::Arc;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::reflex::Reflex;
+use super::{Event, RolloutError, RolloutObserver, RolloutOptions, StepRecord, StepTimes};
+use crate::composer::OnShortcut;
+use crate::environment::Environment;
+use crate::graph::NodeId;
+use crate::model::{ActionDistribution, Encoder, Latents, LocalPolicy, Projections, Traversability};
+use crate::planner::{GoalChoice, LiveDistances, Localisation, Planner, StageChange, StageFilter};
+use crate::trajectory::{Observation, State};
+
+/// The three parts of a learned model; one object often is all of them.
+#[derive(Clone, Copy)]
+pub struct RolloutModel<'a> {
+    /// Images to latents.
+    pub encoder: &'a dyn Encoder,
+    /// Steps between states.
+    pub traversability: &'a (dyn Traversability + Sync),
+    /// Actions towards a goal state.
+    pub policy: &'a dyn LocalPolicy,
+}
+
+/// Why a run ended.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EpisodeEnd {
+    /// All subgoals are seen to be reached, and the robot is at a final state or has settled.
+    Finished,
+    /// The limit of time steps was hit.
+    OutOfSteps,
+    /// A shortcut was seen, and the composition says to stop.
+    Shortcut,
+    /// There is no way on; why.
+    NoPath(String),
+}
+
+/// What became of a run, as seen from images and actions alone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Episode {
+    /// Time steps.
+    pub steps: usize,
+    /// Why it ended.
+    pub end: EpisodeEnd,
+    /// How many subgoals were seen to be reached.
+    pub stage: usize,
+    /// All events in order.
+    pub events: Vec<Event>,
+    /// Steps at which the robot was lost.
+    pub lost_steps: usize,
+    /// What each step took.
+    pub times: Vec<StepTimes>,
+}
+
+/// A composition, ready to be run again and again.
+pub struct Rollout<'a> {
+    model: RolloutModel<'a>,
+    planner: Planner,
+    filter: StageFilter,
+    projections: Projections,
+    candidates: Vec<NodeId>,
+    options: RolloutOptions,
+}
+
+impl<'a> Rollout<'a> {
+    /// Makes the states of the planner's graph ready for the model's traversability function.
+    ///
+    /// # Errors
+    /// [`RolloutError::Model`] when the graph's latents are not the model's.
+    pub fn new(
+        model: RolloutModel<'a>,
+        planner: Planner,
+        options: RolloutOptions,
+    ) -> Result<Self, RolloutError> {
+        let latents = planner.graph().latents();
+        let projections = model
+            .traversability
+            .project(latents)
+            .map_err(|source| RolloutError::Model { step: 0, source })?;
+        let filter = planner.stage_filter(options.filter.clone());
+        let candidates = filter.candidates();
+        Ok(Self {
+            model,
+            planner,
+            filter,
+            projections,
+            candidates,
+            options,
+        })
+    }
+
+    /// The planner, as the last run left it.
+    #[must_use]
+    pub fn planner(&self) -> &Planner {
+        &self.planner
+    }
+
+    /// One episode from a reset of the environment to an end.
+    ///
+    /// # Errors
+    /// [`RolloutError`] when the robot or the model fails, or they do not belong together.
+    pub fn run(
+        &mut self,
+        environment: &mut dyn Environment,
+        seed: u64,
+        observer: &mut dyn RolloutObserver,
+    ) -> Result<Episode, RolloutError> {
+        let spec = self.model.encoder.spec();
+        if environment.action_space() != spec.action_space {
+            return Err(RolloutError::ActionSpaceDiffers {
+                robot: environment.action_space().to_string(),
+                model: spec.action_space.to_string(),
+            });
+        }
+        self.filter.reset();
+        self.planner.recover(0.0);
+        let first = environment
+            .reset(seed)
+            .map_err(|source| RolloutError::Environment { step: 0, source })?;
+        let mut run = Run::new(first);
+        let end = loop {
+            if let Some(end) = self.step(&mut run, environment, observer)? {
+                break end;
+            }
+        };
+        observer.on_end(run.step, run.newest(), &run.pending);
+        run.events.append(&mut run.pending);
+        Ok(Episode {
+            steps: run.step,
+            end,
+            stage: self.filter.stage(),
+            events: run.events,
+            lost_steps: run.lost_steps,
+            times: run.times,
+        })
+    }
+
+    /// One step of the loop; an end, if it is one.
+    fn step(
+        &mut self,
+        run: &mut Run,
+        environment: &mut dyn Environment,
+        observer: &mut dyn RolloutObserver,
+    ) -> Result<Option<EpisodeEnd>, RolloutError> {
+        let step = run.step;
+        let mut watch = Watch::start();
+        let latent = self.encode(run)?;
+        let encode_ms = watch.lap_ms();
+        let localisation = self.localise(run, &latent)?;
+        let localise_ms = watch.lap_ms();
+        if let Some(end) = self.note_change(run, &localisation) {
+            return Ok(Some(end));
+        }
+        let goal = match self.planner.next_goal(&localisation, &run.distances) {
+            Ok(goal) => goal,
+            Err(no_path) => return Ok(Some(EpisodeEnd::NoPath(no_path.to_string()))),
+        };
+        self.note_progress(run, &goal);
+        let plan_ms = watch.lap_ms();
+        if self.is_finished(run, &localisation, &goal) {
+            run.pending.push(Event::Terminated { step });
+            return Ok(Some(EpisodeEnd::Finished));
+        }
+        if step >= self.options.max_steps {
+            return Ok(Some(EpisodeEnd::OutOfSteps));
+        }
+        let (distribution, classes) = self.act(run, &latent, goal.node)?;
+        let act_ms = watch.lap_ms();
+        let action = environment
+            .action_space()
+            .action(&classes)
+            .map_err(|source| RolloutError::Action { step, source })?;
+        let times = StepTimes {
+            encode_ms,
+            localise_ms,
+            plan_ms,
+            act_ms,
+        };
+        let record = StepRecord {
+            step,
+            observation: Arc::clone(run.newest()),
+            localisation,
+            goal,
+            distribution,
+            action,
+            events: std::mem::take(&mut run.pending),
+            times,
+        };
+        observer.on_step(&record);
+        run.events.extend(record.events);
+        run.times.push(times);
+        let seen = environment
+            .step(&record.action)
+            .map_err(|source| RolloutError::Environment { step, source })?;
+        let before = Arc::clone(run.newest());
+        run.reflex
+            .note(&classes, &before, &seen, self.options.still_levels);
+        run.see(seen, self.model.encoder.spec().stack);
+        Ok(None)
+    }
+
+    fn encode(&self, run: &Run) -> Result<Latents, RolloutError> {
+        let state = State::from_history(&run.history, self.model.encoder.spec().stack);
+        self.model
+            .encoder
+            .encode(&[state])
+            .map_err(|source| RolloutError::Model {
+                step: run.step,
+                source,
+            })
+    }
+
+    /// The current state joins the graph, and the filter moves on.
+    fn localise(&mut self, run: &mut Run, latent: &Latents) -> Result<Localisation, RolloutError> {
+        let failed = |source| RolloutError::Model {
+            step: run.step,
+            source,
+        };
+        let traversability = self.model.traversability;
+        let current = traversability.project(latent).map_err(failed)?;
+        run.distances = LiveDistances::query(
+            traversability,
+            &self.projections,
+            &current,
+            &self.candidates,
+            self.options.near_probability,
+        )
+        .map_err(failed)?;
+        Ok(self.filter.update(&run.distances))
+    }
+
+    /// Turns what the filter noticed into events; an end, if a shortcut is one.
+    fn note_change(&mut self, run: &mut Run, localisation: &Localisation) -> Option<EpisodeEnd> {
+        let step = run.step;
+        if localisation.is_lost != run.is_lost {
+            run.is_lost = localisation.is_lost;
+            run.pending.push(match run.is_lost {
+                true => Event::Lost { step },
+                false => Event::Found { step },
+            });
+        }
+        run.lost_steps += usize::from(run.is_lost);
+        let confidence = |stage: usize| {
+            let beyond: f64 = localisation.stage_probabilities[stage..].iter().sum();
+            beyond as f32
+        };
+        let subgoals = self.planner.automaton().subgoals();
+        match localisation.change.clone()? {
+            StageChange::Advanced { to } => {
+                for stage in run.stage..to {
+                    run.pending.push(Event::SubgoalReached {
+                        step,
+                        stage: stage + 1,
+                        subgoal: subgoals[stage].clone(),
+                        confidence: confidence(stage + 1),
+                    });
+                }
+                run.enter(to);
+                None
+            }
+            StageChange::Regressed { to } => {
+                run.pending.push(Event::SetBack {
+                    step,
+                    stage: to,
+                    subgoal: subgoals[to].clone(),
+                });
+                run.enter(to);
+                None
+            }
+            StageChange::Shortcut { to, skipped } => {
+                run.pending.push(Event::Shortcut {
+                    step,
+                    subgoal: subgoals[to - 1].clone(),
+                    skipped: skipped.iter().map(|s| subgoals[*s].clone()).collect(),
+                    confidence: confidence(to),
+                });
+                match self.options.on_shortcut {
+                    OnShortcut::Replan => None,
+                    OnShortcut::Stop => Some(EpisodeEnd::Shortcut),
+                    OnShortcut::Report => {
+                        self.filter.set_stage(to);
+                        run.enter(to);
+                        None
+                    }
+                }
+            }
+        }
+    }
+
+    /// Makes a goal state dearer that the robot does not get to, and lets old failures fade.
+    fn note_progress(&mut self, run: &mut Run, goal: &GoalChoice) {
+        self.planner.recover(self.options.penalty_keep);
+        if goal.cost < run.least_cost - 0.5 {
+            run.least_cost = goal.cost;
+            run.progress_step = run.step;
+        }
+        let waited = run.step - run.progress_step;
+        if waited >= self.options.patience_steps {
+            run.pending.push(Event::NoProgress {
+                step: run.step,
+                steps: waited,
+            });
+            self.planner
+                .penalise(None, goal.node, self.options.penalty_steps);
+            run.least_cost = f64::INFINITY;
+            run.progress_step = run.step;
+        }
+    }
+
+    fn is_finished(&self, run: &Run, localisation: &Localisation, goal: &GoalChoice) -> bool {
+        self.planner.automaton().is_accepting(localisation.stage)
+            && (goal.has_arrived || run.step - run.stage_step >= self.options.settle_steps)
+    }
+
+    fn act(
+        &self,
+        run: &Run,
+        latent: &Latents,
+        goal: NodeId,
+    ) -> Result<(ActionDistribution, Vec<usize>), RolloutError> {
+        let goal = self.planner.graph().latents().row(goal.index());
+        let distribution =
+            self.model
+                .policy
+                .act(latent.row(0), goal)
+                .map_err(|source| RolloutError::Model {
+                    step: run.step,
+                    source,
+                })?;
+        let classes = run.reflex.choose(&distribution);
+        Ok((distribution, classes))
+    }
+}
+
+/// What changes during an episode.
+struct Run {
+    step: usize,
+    history: Vec<Arc<Observation>>,
+    distances: LiveDistances,
+    stage: usize,
+    stage_step: usize,
+    is_lost: bool,
+    lost_steps: usize,
+    least_cost: f64,
+    progress_step: usize,
+    reflex: Reflex,
+    pending: Vec<Event>,
+    events: Vec<Event>,
+    times: Vec<StepTimes>,
+}
+
+impl Run {
+    fn new(first: Observation) -> Self {
+        Self {
+            step: 0,
+            history: vec![Arc::new(first)],
+            distances: LiveDistances::unknown(0, 1),
+            stage: 0,
+            stage_step: 0,
+            is_lost: false,
+            lost_steps: 0,
+            least_cost: f64::INFINITY,
+            progress_step: 0,
+            reflex: Reflex::default(),
+            pending: Vec::new(),
+            events: Vec::new(),
+            times: Vec::new(),
+        }
+    }
+
+    fn newest(&self) -> &Arc<Observation> {
+        &self.history[self.history.len() - 1]
+    }
+
+    /// A new stage: cost-to-go starts afresh.
+    fn enter(&mut self, stage: usize) {
+        self.stage = stage;
+        self.stage_step = self.step;
+        self.least_cost = f64::INFINITY;
+        self.progress_step = self.step;
+    }
+
+    /// Keeps as many observations as a state needs.
+    fn see(&mut self, observation: Observation, stack: usize) {
+        self.step += 1;
+        self.history.push(Arc::new(observation));
+        let excess = self.history.len().saturating_sub(stack.max(1));
+        self.history.drain(..excess);
+    }
+}
+
+struct Watch(Instant);
+
+impl Watch {
+    fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    fn lap_ms(&mut self) -> f64 {
+        let now = Instant::now();
+        let ms = (now - self.0).as_secs_f64() * 1e3;
+        self.0 = now;
+        ms
+    }
+}

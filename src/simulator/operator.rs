@@ -1,0 +1,191 @@
+//! A person at a keyboard who knows where everything is, and demonstrates the tasks.
+//!
+//! Watches the truth before every key press, so what goes wrong is put right; takes one of several
+//! routes, overshoots, hesitates and closes the gripper too early now and then.
+
+mod demonstration;
+mod plan;
+mod stage;
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::primitive::Primitive;
+use super::truth::Insight;
+use super::variation::BedroomTask;
+use stage::Stage;
+
+pub use demonstration::{Demonstration, LONGEST_STEPS, demonstrate, demonstrate_on};
+
+/// How often the operator is less than perfect.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Habits {
+    /// Chance that a part of the plan has a turn that goes one primitive too far.
+    pub overshoot: f64,
+    /// Chance that a turn is preceded by one to the wrong side.
+    pub hesitation: f64,
+    /// Chance that a grasp is tried one primitive too early.
+    pub early_grasp: f64,
+}
+
+impl Default for Habits {
+    /// A practised person.
+    fn default() -> Self {
+        Self {
+            overshoot: 0.08,
+            hesitation: 0.015,
+            early_grasp: 0.06,
+        }
+    }
+}
+
+/// Chooses one primitive after another until the task is done.
+pub struct Operator {
+    stages: Vec<Stage>,
+    current: usize,
+    habits: Habits,
+    rng: ChaCha8Rng,
+    overshoot_due: bool,
+    turned: Option<Primitive>,
+    early_grasp_due: bool,
+    retreats_due: u32,
+    last: Option<(Primitive, Insight)>,
+    blocked_steps: u32,
+    escapes_left: u32,
+    escape_steps_due: u32,
+}
+
+impl Operator {
+    /// An operator for one task from the state that `insight` shows, whichever that is.
+    #[must_use]
+    pub fn new(task: BedroomTask, insight: &Insight, habits: Habits, seed: u64) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let stages = plan::stages(task, insight, &mut rng);
+        let mut operator = Self {
+            stages,
+            current: 0,
+            habits,
+            rng,
+            overshoot_due: false,
+            turned: None,
+            early_grasp_due: false,
+            retreats_due: 0,
+            last: None,
+            blocked_steps: 0,
+            escapes_left: 3,
+            escape_steps_due: 0,
+        };
+        operator.enter_stage();
+        operator
+    }
+
+    /// The next primitive; [`Primitive::Terminate`] once nothing is left to do.
+    pub fn next(&mut self, insight: &Insight) -> Primitive {
+        self.notice_obstacles(insight);
+        let primitive = loop {
+            if self.escape_steps_due > 0 {
+                self.escape_steps_due -= 1;
+                break Primitive::BaseBackward;
+            }
+            let Some(stage) = self.stages.get(self.current).copied() else {
+                break Primitive::Terminate;
+            };
+            if let Some(primitive) = self.within(stage, insight) {
+                break primitive;
+            }
+            self.finish_stage();
+        };
+        self.last = Some((primitive, *insight));
+        primitive
+    }
+
+    /// What does not move the robot twice in a row will not do so the third time: a grasp is tried
+    /// anew, the arm gets room by backing off once, and everything else is left as it is.
+    fn notice_obstacles(&mut self, insight: &Insight) {
+        let stands = |(_, before): &(Primitive, Insight)| insight.stands_as(before);
+        if !self.last.as_ref().is_some_and(stands) {
+            self.blocked_steps = 0;
+            return;
+        }
+        self.blocked_steps += 1;
+        if self.blocked_steps < 2 {
+            return;
+        }
+        self.blocked_steps = 0;
+        match self.stages.get(self.current) {
+            Some(Stage::Grasp(_)) => self.retreats_due = 2,
+            Some(Stage::Drive(..) | Stage::CloseIn(..)) | None => self.finish_stage(),
+            Some(_) if self.escapes_left > 0 => {
+                self.escapes_left -= 1;
+                self.escape_steps_due = 2;
+            }
+            Some(_) => self.finish_stage(),
+        }
+    }
+
+    fn finish_stage(&mut self) {
+        self.current += 1;
+        self.enter_stage();
+    }
+
+    fn enter_stage(&mut self) {
+        self.overshoot_due = self.rng.random_bool(self.habits.overshoot);
+        self.early_grasp_due = self.rng.random_bool(self.habits.early_grasp);
+        self.turned = None;
+        self.retreats_due = 0;
+        if let Some(Stage::BackOff(steps)) = self.stages.get(self.current) {
+            self.retreats_due = *steps;
+        }
+    }
+
+    fn within(&mut self, stage: Stage, insight: &Insight) -> Option<Primitive> {
+        match stage {
+            Stage::BackOff(_) => {
+                self.retreats_due = self.retreats_due.checked_sub(1)?;
+                Some(Primitive::BaseBackward)
+            }
+            Stage::Grasp(grasp) => self.grasp(grasp, insight),
+            _ => self.fumbled(stage.next(insight)),
+        }
+    }
+
+    /// Turns go one too far once in a while, and the other way first once in a while; whatever comes
+    /// of it is put right by the stage.
+    fn fumbled(&mut self, wanted: Option<Primitive>) -> Option<Primitive> {
+        let other = match wanted {
+            Some(Primitive::BaseTurnLeft) => Primitive::BaseTurnRight,
+            Some(Primitive::BaseTurnRight) => Primitive::BaseTurnLeft,
+            _ if self.overshoot_due && self.turned.is_some() => {
+                self.overshoot_due = false;
+                return self.turned;
+            }
+            _ => return wanted,
+        };
+        if self.rng.random_bool(self.habits.hesitation) {
+            return Some(other);
+        }
+        self.turned = wanted;
+        wanted
+    }
+
+    fn grasp(&mut self, grasp: stage::Grasp, insight: &Insight) -> Option<Primitive> {
+        if insight.held == Some(grasp.thing) {
+            return None;
+        }
+        if insight.gripper_shut {
+            self.early_grasp_due = false;
+            self.retreats_due = 2;
+            return Some(Primitive::GripperOpen);
+        }
+        if self.retreats_due > 0 {
+            self.retreats_due -= 1;
+            return Some(grasp.retreat());
+        }
+        let slack_steps = 2 * u8::from(self.early_grasp_due);
+        Some(
+            grasp
+                .next(insight, slack_steps)
+                .unwrap_or(Primitive::GripperClose),
+        )
+    }
+}

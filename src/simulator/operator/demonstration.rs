@@ -1,0 +1,177 @@
+use std::sync::Arc;
+
+use super::{Habits, Operator};
+use crate::environment::{Environment, EnvironmentError};
+use crate::simulator::bedroom::Bedroom;
+use crate::simulator::primitive::Primitive;
+use crate::simulator::variation::BedroomTask;
+use crate::simulator::world::PRIMITIVE_SECS;
+use crate::trajectory::{Marker, Step, Trajectory};
+
+/// An operator who is not done by then gives up.
+pub const LONGEST_STEPS: usize = 150;
+/// Keeps the operator's lots apart from the room's.
+const OPERATOR_STREAM: u64 = 0x6f70_6572_6174_6f72;
+
+/// What came of an operator's attempt.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Demonstration {
+    /// What was seen and done; the last action is `terminate` unless the operator gave up. Markers
+    /// are the first steps at which each subgoal of the task holds.
+    pub trajectory: Trajectory,
+    /// Whether all subgoals were reached in their order, the task is done at the end, and the
+    /// operator terminated.
+    pub succeeded: bool,
+}
+
+/// Starts the episode of `seed` and demonstrates `task` in it. The same arguments give the same
+/// trajectory.
+///
+/// ```
+/// use catena::simulator::{Bedroom, BedroomConfig, BedroomTask, demonstrate};
+///
+/// let task = BedroomTask::Wine;
+/// let mut bedroom = Bedroom::new(BedroomConfig::paper(task));
+/// let shown = demonstrate(&mut bedroom, task, 1)?;
+/// assert!(shown.succeeded);
+/// assert_eq!(shown.trajectory.markers.last().unwrap().name, "spill_covered");
+/// # Ok::<(), catena::environment::EnvironmentError>(())
+/// ```
+///
+/// # Errors
+/// [`EnvironmentError`] when the bedroom fails, which the simulated one does not.
+pub fn demonstrate(
+    bedroom: &mut Bedroom,
+    task: BedroomTask,
+    seed: u64,
+) -> Result<Demonstration, EnvironmentError> {
+    bedroom.arrange(seed);
+    demonstrate_on(bedroom, task, Habits::default(), seed)
+}
+
+/// Demonstrates `task` from whatever state the bedroom is in.
+///
+/// # Errors
+/// [`EnvironmentError`] when the bedroom fails, which the simulated one does not.
+pub fn demonstrate_on(
+    bedroom: &mut Bedroom,
+    task: BedroomTask,
+    habits: Habits,
+    seed: u64,
+) -> Result<Demonstration, EnvironmentError> {
+    let mut operator = Operator::new(task, &bedroom.insight(), habits, seed ^ OPERATOR_STREAM);
+    let mut steps: Vec<Step> = Vec::new();
+    let mut markers: Vec<Marker> = Vec::new();
+    let mut terminated = false;
+    while steps.len() < LONGEST_STEPS && !terminated {
+        let insight = bedroom.insight();
+        for name in task.subgoals() {
+            let known = markers.iter().any(|m| m.name == *name);
+            if !known && insight.truth.holds(name) == Some(true) {
+                markers.push(Marker {
+                    step: steps.len(),
+                    name: (*name).to_owned(),
+                });
+            }
+        }
+        let primitive = operator.next(&insight);
+        terminated = primitive == Primitive::Terminate;
+        steps.push(Step {
+            time_secs: steps.len() as f64 * PRIMITIVE_SECS,
+            observation: Arc::new(bedroom.observe()),
+            action: primitive.action(),
+        });
+        bedroom.act(primitive);
+    }
+    let in_order = markers
+        .iter()
+        .map(|m| m.name.as_str())
+        .eq(task.subgoals().iter().copied());
+    Ok(Demonstration {
+        succeeded: terminated && in_order && bedroom.truth().is_done(task),
+        trajectory: Trajectory {
+            id: format!("{}_{seed:06}", task.name()),
+            task: task.name().to_owned(),
+            action_space: bedroom.action_space(),
+            steps,
+            markers,
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulator::bedroom::BedroomConfig;
+    use crate::simulator::variation::{Leftovers, Level};
+
+    #[test]
+    fn every_task_is_demonstrated_with_its_subgoals_in_order() {
+        for task in BedroomTask::ALL {
+            let mut room = Bedroom::new(BedroomConfig::paper(task));
+            let shown = demonstrate(&mut room, task, 5).expect("the room does not fail");
+            let names: Vec<_> = shown
+                .trajectory
+                .markers
+                .iter()
+                .map(|m| m.name.as_str())
+                .collect();
+            assert!(shown.succeeded, "{task:?} reached {names:?}");
+            assert_eq!(names, task.subgoals());
+            assert!((40..=100).contains(&shown.trajectory.steps.len()));
+            let last = shown.trajectory.steps.last().map(|s| s.action.clone());
+            assert_eq!(last, Some(Primitive::Terminate.action()));
+        }
+    }
+
+    #[test]
+    fn same_seed_gives_the_same_demonstration() {
+        let task = BedroomTask::Trash;
+        let shown = || {
+            let mut room = Bedroom::new(BedroomConfig::paper(task));
+            demonstrate(&mut room, task, 11).expect("the room does not fail")
+        };
+        assert_eq!(shown(), shown());
+    }
+
+    #[test]
+    fn tasks_chain_in_one_episode() {
+        let mut room = Bedroom::new(BedroomConfig::paper(BedroomTask::Sock));
+        room.arrange(3);
+        for task in BedroomTask::ALL {
+            let done = perform(&mut room, task, 3);
+            assert!(done, "{task:?} failed after the tasks before it");
+        }
+        let truth = room.truth();
+        assert!(truth.sock_in_box && truth.can_in_bin && truth.spill_covered);
+    }
+
+    #[test]
+    fn leftovers_of_other_tasks_and_other_looks_do_not_stop_the_operator() {
+        for task in BedroomTask::ALL {
+            let mut room = Bedroom::new(BedroomConfig {
+                level: Level::Hard,
+                leftovers: Leftovers::Varied,
+                ..BedroomConfig::paper(task)
+            });
+            let done = (0..4).filter(|seed| {
+                room.arrange(*seed);
+                perform(&mut room, task, *seed)
+            });
+            assert!(done.count() >= 3, "{task:?}");
+        }
+    }
+
+    /// Without pictures, which take most of the time.
+    fn perform(room: &mut Bedroom, task: BedroomTask, seed: u64) -> bool {
+        let mut operator = Operator::new(task, &room.insight(), Habits::default(), seed);
+        for _ in 0..LONGEST_STEPS {
+            let primitive = operator.next(&room.insight());
+            room.act(primitive);
+            if primitive == Primitive::Terminate {
+                return room.truth().is_done(task);
+            }
+        }
+        false
+    }
+}

@@ -1,0 +1,203 @@
+//! What really is the case in the bedroom: for scores and for the operator, never for a planner or
+//! a policy.
+
+use super::kinematics::Tool;
+use super::layout::Receptacle;
+use super::variation::BedroomTask;
+use super::world::{Graspable, World};
+
+/// The drawer counts as open from here on: wide enough to reach for the sock.
+const OPEN_M: f32 = 0.18;
+/// A thing counts as grasped once it is held this far above its place.
+const LIFTED_M: f32 = 0.02;
+/// The tissue's middle lies within this distance of the spill's, so that it covers the middle and
+/// most of the rest.
+const COVERING_M: f32 = 0.04;
+
+/// Which subgoals hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(clippy::struct_excessive_bools, reason = "one for each subgoal")]
+pub struct Truth {
+    /// The drawer is pulled out.
+    pub drawer_open: bool,
+    /// The gripper holds the sock up.
+    pub sock_grasped: bool,
+    /// The sock lies in the container box.
+    pub sock_in_box: bool,
+    /// The gripper holds the can up.
+    pub can_grasped: bool,
+    /// The can lies in the waste bin.
+    pub can_in_bin: bool,
+    /// The gripper holds the tissue up.
+    pub tissue_grasped: bool,
+    /// The tissue lies on the chest, over the spill.
+    pub spill_covered: bool,
+}
+
+impl Truth {
+    /// Whether the subgoal of that name holds; `None` for a name that the bedroom does not know.
+    #[must_use]
+    pub fn holds(&self, subgoal: &str) -> Option<bool> {
+        Some(match subgoal {
+            "drawer_open" => self.drawer_open,
+            "sock_grasped" => self.sock_grasped,
+            "sock_in_box" => self.sock_in_box,
+            "can_grasped" => self.can_grasped,
+            "can_in_bin" => self.can_in_bin,
+            "tissue_grasped" => self.tissue_grasped,
+            "spill_covered" => self.spill_covered,
+            _ => return None,
+        })
+    }
+
+    /// Whether what the task is for is the case.
+    #[must_use]
+    pub fn is_done(&self, task: BedroomTask) -> bool {
+        match task {
+            BedroomTask::Sock => self.sock_in_box,
+            BedroomTask::Trash => self.can_in_bin,
+            BedroomTask::Wine => self.spill_covered,
+        }
+    }
+
+    pub(crate) fn of(world: &World) -> Self {
+        let layout = world.layout();
+        let held_up = |thing| world.held() == Some(thing) && world.lift_m(thing) > LIFTED_M;
+        let dropped_in = |thing, receptacle: &Receptacle| {
+            world.held() != Some(thing) && is_inside(world, thing, receptacle)
+        };
+        Self {
+            drawer_open: world.drawer_opening_m() > OPEN_M,
+            sock_grasped: held_up(Graspable::Sock),
+            sock_in_box: dropped_in(Graspable::Sock, &layout.container),
+            can_grasped: held_up(Graspable::Can),
+            can_in_bin: dropped_in(Graspable::Can, &layout.bin),
+            tissue_grasped: held_up(Graspable::Tissue),
+            spill_covered: world.held() != Some(Graspable::Tissue) && covers_spill(world),
+        }
+    }
+}
+
+fn is_inside(world: &World, thing: Graspable, receptacle: &Receptacle) -> bool {
+    let at = world.world_from(thing).translation;
+    let [x, y] = receptacle.centre_m;
+    (at.x - x).abs() < receptacle.half_m
+        && (at.y - y).abs() < receptacle.half_m
+        && at.z < receptacle.rim_m
+}
+
+fn covers_spill(world: &World) -> bool {
+    let tissue = world.world_from(Graspable::Tissue);
+    let up = tissue.rotation * nalgebra::Vector3::z();
+    let [x, y] = world.spill_m();
+    let aside = (tissue.translation.x - x).hypot(tissue.translation.y - y);
+    let above = tissue.translation.z - world.layout().chest.top_m;
+    aside < COVERING_M && above.abs() < 0.02 && up.z > 0.9
+}
+
+/// What the operator knows besides the subgoals: places in the world, metres and radians.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Insight {
+    /// Which subgoals hold.
+    pub truth: Truth,
+    /// Middle of the base.
+    pub base_m: [f32; 2],
+    /// Heading of the base.
+    pub heading_rad: f32,
+    /// Where the gripper is commanded to, in the base frame.
+    pub tool: Tool,
+    /// Whether the fingers are commanded together.
+    pub gripper_shut: bool,
+    /// What the gripper holds.
+    pub held: Option<Graspable>,
+    /// Middle of the drawer's handle.
+    pub handle_m: [f32; 3],
+    /// How far the drawer is open.
+    pub drawer_opening_m: f32,
+    /// Middle of the sock.
+    pub sock_m: [f32; 3],
+    /// Middle of the can.
+    pub can_m: [f32; 3],
+    /// Middle of the tissue's skirt.
+    pub tissue_m: [f32; 3],
+    /// Middle of the spill.
+    pub spill_m: [f32; 3],
+    /// Middle of the waste bin at its rim.
+    pub bin_m: [f32; 3],
+    /// Middle of the container box at its rim.
+    pub container_m: [f32; 3],
+}
+
+impl Insight {
+    pub(crate) fn of(world: &World) -> Self {
+        let place = |thing| {
+            let at = world.world_from(thing).translation;
+            [at.x, at.y, at.z]
+        };
+        let layout = world.layout();
+        let rim = |r: &Receptacle| [r.centre_m[0], r.centre_m[1], r.rim_m];
+        let robot = world.robot();
+        let [x, y] = world.spill_m();
+        Self {
+            truth: Truth::of(world),
+            base_m: robot.stance.position_m,
+            heading_rad: robot.stance.heading_rad,
+            tool: robot.tool,
+            gripper_shut: robot.gripper_shut,
+            held: world.held(),
+            handle_m: world.handle_m(),
+            drawer_opening_m: world.drawer_opening_m(),
+            sock_m: place(Graspable::Sock),
+            can_m: place(Graspable::Can),
+            tissue_m: place(Graspable::Tissue),
+            spill_m: [x, y, layout.chest.top_m],
+            bin_m: rim(&layout.bin),
+            container_m: rim(&layout.container),
+        }
+    }
+
+    /// A place as seen from the base: ahead, to the left.
+    #[must_use]
+    pub fn relative_to_base(&self, place_m: [f32; 2]) -> [f32; 2] {
+        let (dx, dy) = (place_m[0] - self.base_m[0], place_m[1] - self.base_m[1]);
+        let (sine, cosine) = self.heading_rad.sin_cos();
+        [cosine * dx + sine * dy, cosine * dy - sine * dx]
+    }
+
+    /// Whether the robot stands as it did then, within a fraction of a primitive.
+    #[must_use]
+    pub fn stands_as(&self, other: &Self) -> bool {
+        const STILL: f32 = 1e-4;
+        let pairs = [
+            (self.base_m[0], other.base_m[0]),
+            (self.base_m[1], other.base_m[1]),
+            (self.heading_rad, other.heading_rad),
+            (self.tool.x_m, other.tool.x_m),
+            (self.tool.y_m, other.tool.y_m),
+            (self.tool.z_m, other.tool.z_m),
+            (self.tool.pitch_rad, other.tool.pitch_rad),
+        ];
+        self.gripper_shut == other.gripper_shut && pairs.iter().all(|(a, b)| (a - b).abs() < STILL)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_subgoal_of_every_task_is_known_by_name() {
+        let truth = Truth {
+            can_in_bin: true,
+            ..Truth::default()
+        };
+        for task in BedroomTask::ALL {
+            for subgoal in task.subgoals() {
+                let expected = *subgoal == "can_in_bin";
+                assert_eq!(truth.holds(subgoal), Some(expected));
+            }
+            assert_eq!(truth.is_done(task), task == BedroomTask::Trash);
+        }
+        assert_eq!(truth.holds("room_tidy"), None);
+    }
+}

@@ -1,0 +1,116 @@
+//! The loose things: sock, can and tissue. All are round where the gripper takes them, so that
+//! their yaw does not matter.
+
+use std::f32::consts::FRAC_PI_2;
+
+use nalgebra::Isometry3;
+use rapier3d::prelude::{Group, RigidBodyHandle};
+
+use super::build::groups::{FLOOR, FURNITURE, LOOSE};
+use super::build::{Builder, Form, Substance};
+use super::furniture::BOTTOM_HALF_M;
+use crate::simulator::kinematics::shift;
+use crate::simulator::layout::Layout;
+use crate::simulator::render::Shape;
+use crate::simulator::variation::{Arrangement, SockPlace};
+
+const SOCK_RADIUS_M: f32 = 0.024;
+const SOCK_HALF_M: f32 = 0.028;
+const CAN_RADIUS_M: f32 = 0.023;
+const CAN_HALF_M: f32 = 0.06;
+const TISSUE_HALF_M: f32 = 0.055;
+const PEAK_RADIUS_M: f32 = 0.016;
+const PEAK_HALF_M: f32 = 0.034;
+const SKIRT_HALF_M: f32 = 0.003;
+/// Things start this far above what they stand on.
+const GAP_M: f32 = 0.001;
+
+const THING: Substance = Substance {
+    mass_kg: 0.03,
+    friction: 0.8,
+    own: LOOSE,
+    others: Group::ALL,
+};
+
+impl Builder {
+    /// A rolled-up sock.
+    pub fn sock(&mut self, layout: &Layout, arrangement: &Arrangement) -> RigidBodyHandle {
+        let place = match arrangement.sock {
+            SockPlace::Drawer(offset) => {
+                let [x, y, z] = layout.drawer.centre_m;
+                let floor = z - layout.drawer.half_m[2] + 2.0 * BOTTOM_HALF_M;
+                let y = y + offset[1] - arrangement.drawer_opening_m;
+                [x + offset[0], y, floor + SOCK_HALF_M + GAP_M]
+            }
+            SockPlace::Container => {
+                let [x, y] = layout.container.centre_m;
+                [x, y, layout.container.wall_m + SOCK_HALF_M + GAP_M]
+            }
+        };
+        let body = self.loose(place, arrangement.yaws_rad[0]);
+        let roll = Form::upright(SOCK_RADIUS_M, SOCK_HALF_M, Isometry3::identity());
+        self.attach(body, roll, THING, arrangement.palette.sock);
+        body
+    }
+
+    /// An empty can.
+    pub fn can(&mut self, layout: &Layout, arrangement: &Arrangement) -> RigidBodyHandle {
+        let ([x, y], below) = arrangement.can_m.map_or_else(
+            || (layout.bin.centre_m, layout.bin.wall_m),
+            |place| (place, layout.shelf.top_m),
+        );
+        let place = [x, y, below + CAN_HALF_M + GAP_M];
+        let body = self.loose(place, arrangement.yaws_rad[1]);
+        let can = Form::upright(CAN_RADIUS_M, CAN_HALF_M, Isometry3::identity());
+        let tin = Substance {
+            friction: 0.6,
+            ..THING
+        };
+        self.attach(body, can, tin, arrangement.palette.can);
+        body
+    }
+
+    /// A tissue pinched at its middle: a peak to take it by above a wide skirt.
+    pub fn tissue(&mut self, layout: &Layout, arrangement: &Arrangement) -> RigidBodyHandle {
+        let ([x, y], below) = arrangement.tissue_m.map_or_else(
+            || (arrangement.spill_m, layout.chest.top_m),
+            |place| (place, layout.night_stand.top_m),
+        );
+        let place = [x, y, below + SKIRT_HALF_M + GAP_M];
+        let body = self.loose(place, arrangement.yaws_rad[2].rem_euclid(FRAC_PI_2));
+        let material = arrangement.palette.tissue;
+        let half = [TISSUE_HALF_M, TISSUE_HALF_M, SKIRT_HALF_M];
+        // The skirt gives way to the gripper, the peak does not.
+        let cloth = Substance {
+            mass_kg: 0.012,
+            others: FLOOR | FURNITURE | LOOSE,
+            ..THING
+        };
+        self.attach(
+            body,
+            Form::cuboid(half, Isometry3::identity()),
+            cloth,
+            material,
+        );
+        let peak = Form::upright(
+            PEAK_RADIUS_M,
+            PEAK_HALF_M,
+            shift(0.0, 0.0, SKIRT_HALF_M + PEAK_HALF_M),
+        );
+        let pinch = Substance {
+            mass_kg: 0.006,
+            ..THING
+        };
+        self.attach(body, peak, pinch, material);
+        // Folds between skirt and peak, for the eye only.
+        for (radius, height) in [(0.034, 0.006), (0.025, 0.014)] {
+            let fold = Shape::Cylinder {
+                radius,
+                half_height: 0.5 * height,
+            };
+            let pose = shift(0.0, 0.0, SKIRT_HALF_M + 0.5 * height);
+            self.show(Some(body), pose, fold, material);
+        }
+        body
+    }
+}

@@ -1,0 +1,43 @@
+//! Files: demonstrations as MCAP recordings, graphs as folders of Parquet tables, digests that say
+//! which belong together.
+//!
+//! Whatever is written is written beside its place and renamed, so a killed process leaves either
+//! the old file or the new one. Whatever is read is checked: chunk checksums of recordings, SHA-256
+//! digests of tables; what is lost of a damaged recording is counted, never guessed.
+
+mod action_message;
+mod align;
+mod cdr;
+mod decode;
+mod demonstrations;
+mod digest;
+mod episode;
+mod error;
+mod film;
+#[cfg(test)]
+mod fixtures;
+mod graph_folder;
+mod graph_images;
+mod layout;
+mod manifest;
+mod messages;
+mod pixels;
+mod recording;
+mod replace;
+mod report;
+mod salvage;
+mod scan;
+mod schemas;
+mod tables;
+mod topic;
+
+pub use demonstrations::{demonstrations_digest, load_demonstrations, recording_files};
+pub use digest::sha256_file;
+pub use episode::{EpisodeWriter, RecordingMetadata, write_trajectory};
+pub use error::StorageError;
+pub use graph_folder::{load_graph, load_manifest, save_graph, save_graph_with_images};
+pub use graph_images::{GraphImage, GraphImages};
+pub use manifest::{FileDigest, GraphManifest, GraphTask, ensure_same_model};
+pub use recording::{Recording, inspect, read_trajectory};
+pub use replace::write_file;
+pub use report::{ActionReport, CameraReport, Loss, RecordingReport, TopicReport};

@@ -1,0 +1,282 @@
+//! Messages of the action topic to actions and their space.
+
+use serde::Deserialize;
+
+use super::cdr;
+use super::decode::without_compression;
+use super::messages::{JointState, MultiArray, Twist, TwistStamped};
+use crate::trajectory::{Action, ActionSpace};
+
+/// How actions are packed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ActionFormat {
+    /// `{"index": 3, "name": "ahead"}` or `{"values": [0.1, ..]}`.
+    Json,
+    /// The positions of `sensor_msgs/JointState`.
+    JointState,
+    Float32Array,
+    Float64Array,
+    Float32,
+    Float64,
+    Twist,
+    TwistStamped,
+}
+
+/// An action as a message gives it, before the space of all actions is known.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum ActionMessage {
+    Primitive {
+        index: usize,
+        name: Option<String>,
+    },
+    /// Without names where the message has none.
+    Values {
+        names: Vec<String>,
+        values: Vec<f64>,
+    },
+}
+
+#[derive(Deserialize)]
+struct JsonAction {
+    #[serde(alias = "action")]
+    index: Option<usize>,
+    name: Option<String>,
+    values: Option<Vec<f64>>,
+}
+
+const TWIST_NAMES: [&str; 6] = [
+    "linear_x",
+    "linear_y",
+    "linear_z",
+    "angular_x",
+    "angular_y",
+    "angular_z",
+];
+
+impl ActionFormat {
+    /// The format of a message type, if it is one that can hold actions.
+    pub fn of(type_name: &str, encoding: &str) -> Option<Self> {
+        match (type_name, encoding) {
+            (_, "json") => Some(Self::Json),
+            ("sensor_msgs/JointState", "cdr") => Some(Self::JointState),
+            ("std_msgs/Float32MultiArray", "cdr") => Some(Self::Float32Array),
+            ("std_msgs/Float64MultiArray", "cdr") => Some(Self::Float64Array),
+            ("std_msgs/Float32", "cdr") => Some(Self::Float32),
+            ("std_msgs/Float64", "cdr") => Some(Self::Float64),
+            ("geometry_msgs/Twist", "cdr") => Some(Self::Twist),
+            ("geometry_msgs/TwistStamped", "cdr") => Some(Self::TwistStamped),
+            _ => None,
+        }
+    }
+
+    /// Reads one message.
+    pub fn decode(self, message: &[u8]) -> Result<ActionMessage, String> {
+        if self == Self::Json {
+            return decode_json(message);
+        }
+        let plain = without_compression(message)?;
+        let twist = |values: Twist| (TWIST_NAMES.map(str::to_owned).to_vec(), values.to_vec());
+        let (names, values) = match self {
+            Self::JointState => {
+                let state: JointState = cdr::decode(&plain)?;
+                if state.name.len() == state.position.len() {
+                    (state.name, state.position)
+                } else {
+                    (Vec::new(), state.position)
+                }
+            }
+            Self::Float32Array => {
+                let array: MultiArray<f32> = cdr::decode(&plain)?;
+                (Vec::new(), array.data.into_iter().map(f64::from).collect())
+            }
+            Self::Float64Array => (Vec::new(), cdr::decode::<MultiArray<f64>>(&plain)?.data),
+            Self::Float32 => (Vec::new(), vec![f64::from(cdr::decode::<f32>(&plain)?)]),
+            Self::Float64 => (Vec::new(), vec![cdr::decode(&plain)?]),
+            Self::Twist => twist(cdr::decode(&plain)?),
+            Self::TwistStamped => twist(cdr::decode::<TwistStamped>(&plain)?.twist),
+            Self::Json => unreachable!("JSON is handled above"),
+        };
+        checked_values(names, values)
+    }
+}
+
+fn decode_json(message: &[u8]) -> Result<ActionMessage, String> {
+    let json: JsonAction = serde_json::from_slice(message).map_err(|e| e.to_string())?;
+    match (json.index, json.values) {
+        (Some(index), None) => Ok(ActionMessage::Primitive {
+            index,
+            name: json.name,
+        }),
+        (None, Some(values)) => checked_values(Vec::new(), values),
+        _ => Err("an action needs either 'index' or 'values'".to_owned()),
+    }
+}
+
+fn checked_values(names: Vec<String>, values: Vec<f64>) -> Result<ActionMessage, String> {
+    if values.is_empty() {
+        return Err("the action has no values".to_owned());
+    }
+    match values.iter().position(|v| !v.is_finite()) {
+        Some(bad) => Err(format!("value {bad} of the action is {}", values[bad])),
+        None => Ok(ActionMessage::Values { names, values }),
+    }
+}
+
+/// The space of a recording's actions: the one that the file declares, else what the messages show.
+///
+/// `None` without any message.
+pub(super) fn action_space(
+    declared: Option<ActionSpace>,
+    messages: &[ActionMessage],
+) -> Option<ActionSpace> {
+    if declared.is_some() {
+        return declared;
+    }
+    match messages.first()? {
+        ActionMessage::Values { names, values } => Some(ActionSpace::Continuous {
+            names: if names.is_empty() {
+                (0..values.len()).map(|i| format!("action_{i}")).collect()
+            } else {
+                names.clone()
+            },
+        }),
+        ActionMessage::Primitive { .. } => Some(primitives_seen(messages)),
+    }
+}
+
+/// Primitives by the indices and names that were used; unused indices are called `primitive_3`.
+fn primitives_seen(messages: &[ActionMessage]) -> ActionSpace {
+    let mut names: Vec<String> = Vec::new();
+    for message in messages {
+        if let ActionMessage::Primitive { index, name } = message {
+            // An index beyond any real list of primitives is refused later, by `action`.
+            while names.len() <= (*index).min(u16::MAX.into()) {
+                names.push(format!("primitive_{}", names.len()));
+            }
+            if let (Some(name), Some(place)) = (name, names.get_mut(*index)) {
+                place.clone_from(name);
+            }
+        }
+    }
+    ActionSpace::Primitives { names }
+}
+
+/// The action that a message stands for in `space`, or why it does not belong there.
+pub(super) fn action(space: &ActionSpace, message: ActionMessage) -> Result<Action, String> {
+    match (space, message) {
+        (ActionSpace::Primitives { names }, ActionMessage::Primitive { index, name }) => {
+            match (names.get(index), name) {
+                (None, _) => Err(format!("primitive {index} of only {}", names.len())),
+                (Some(known), Some(name)) if *known != name => Err(format!(
+                    "primitive {index} is called '{name}' here and '{known}' in the action space"
+                )),
+                _ => Ok(Action::Primitive(index)),
+            }
+        }
+        (ActionSpace::Binned { dimensions }, ActionMessage::Values { values, .. }) => {
+            continuous(dimensions.len(), &values)
+        }
+        (ActionSpace::Continuous { names }, ActionMessage::Values { values, .. }) => {
+            continuous(names.len(), &values)
+        }
+        (space, message) => Err(format!(
+            "{} where the recording has {space}",
+            match message {
+                ActionMessage::Primitive { .. } => "a primitive",
+                ActionMessage::Values { .. } => "continuous values",
+            }
+        )),
+    }
+}
+
+fn continuous(expected: usize, values: &[f64]) -> Result<Action, String> {
+    if values.len() == expected {
+        Ok(Action::Continuous(
+            values.iter().map(|v| *v as f32).collect(),
+        ))
+    } else {
+        Err(format!(
+            "{} values where the recording has {expected}",
+            values.len()
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn primitives_are_learned_from_the_messages() {
+        let messages: Vec<_> = [
+            r#"{"index":2,"name":"left"}"#,
+            r#"{"index":0,"name":"ahead"}"#,
+        ]
+        .iter()
+        .map(|text| ActionFormat::Json.decode(text.as_bytes()).unwrap())
+        .collect();
+        let space = action_space(None, &messages).unwrap();
+        let names = ["ahead", "primitive_1", "left"].map(str::to_owned).to_vec();
+        assert_eq!(space, ActionSpace::Primitives { names });
+        assert_eq!(
+            action(&space, messages[0].clone()),
+            Ok(Action::Primitive(2))
+        );
+    }
+
+    #[test]
+    fn actions_of_another_space_say_what_differs() {
+        let values = |n: usize| ActionMessage::Values {
+            names: Vec::new(),
+            values: vec![0.5; n],
+        };
+        let space = action_space(None, &[values(3)]).unwrap();
+        assert_eq!(
+            action(&space, values(3)),
+            Ok(Action::Continuous(vec![0.5; 3]))
+        );
+        assert!(action(&space, values(2)).unwrap_err().contains("2 values"));
+        let primitives = ActionSpace::Primitives {
+            names: vec!["ahead".to_owned()],
+        };
+        assert!(action(&primitives, values(1)).is_err());
+        let wrong_name = ActionMessage::Primitive {
+            index: 0,
+            name: Some("back".to_owned()),
+        };
+        assert!(
+            action(&primitives, wrong_name)
+                .unwrap_err()
+                .contains("'back'")
+        );
+    }
+
+    #[test]
+    fn multi_arrays_twists_and_bad_values_are_read_or_refused() {
+        let array = MultiArray {
+            data: vec![1.0f32, -2.0],
+            ..MultiArray::default()
+        };
+        let bytes = cdr::encode(&array, 64).unwrap();
+        let ActionMessage::Values { values, .. } =
+            ActionFormat::Float32Array.decode(&bytes).unwrap()
+        else {
+            panic!("values")
+        };
+        assert_eq!(values, [1.0, -2.0]);
+        let twist = cdr::encode(&[0.1, 0., 0., 0., 0., 0.2f64], 64).unwrap();
+        let ActionMessage::Values { names, values } = ActionFormat::Twist.decode(&twist).unwrap()
+        else {
+            panic!("values")
+        };
+        assert_eq!((names[5].as_str(), values[5]), ("angular_z", 0.2));
+        let nan = cdr::encode(&f64::NAN, 8).unwrap();
+        assert!(
+            ActionFormat::Float64
+                .decode(&nan)
+                .unwrap_err()
+                .contains("NaN")
+        );
+        assert!(ActionFormat::Json.decode(b"{}").is_err());
+    }
+}

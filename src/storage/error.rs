@@ -1,0 +1,249 @@
+use std::io;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use crate::trajectory::TrajectoryError;
+
+/// Why a recording or a graph folder could not be read or written.
+#[derive(Debug, Error)]
+pub enum StorageError {
+    /// The operating system refused.
+    #[error("cannot {doing} {path}: {source}", path = path.display())]
+    Io {
+        /// What was tried, such as `read`.
+        doing: &'static str,
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A file without a byte, often what is left of a full disk or an interrupted copy.
+    #[error("{path} is empty (0 bytes): record or copy it again", path = path.display())]
+    EmptyFile {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file does not start as an MCAP file does.
+    #[error(
+        "{path} is no MCAP recording: it starts with {found}, an MCAP file with 89 4d 43 41 50 30 0d 0a",
+        path = path.display()
+    )]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+        /// Its first bytes in hexadecimal.
+        found: String,
+    },
+    /// The recording could not be written.
+    #[error("cannot write the recording {path}: {reason}", path = path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What failed.
+        reason: String,
+    },
+    /// No topic of the recording carries images.
+    #[error(
+        "{path}: no topic carries images; its topics are {topics}. Images are read from \
+         sensor_msgs CompressedImage or Image (CDR) and foxglove.CompressedImage or RawImage \
+         (protobuf){lost}",
+        path = path.display()
+    )]
+    NoImages {
+        /// The file.
+        path: PathBuf,
+        /// All topics with their types.
+        topics: String,
+        /// What could not be read, after a full stop; empty if nothing was lost.
+        lost: String,
+    },
+    /// Topics carry images, but none could be decoded.
+    #[error("{path}: no camera can be used: {reasons}", path = path.display())]
+    UnusableCameras {
+        /// The file.
+        path: PathBuf,
+        /// Each topic with its reason.
+        reasons: String,
+    },
+    /// Topics are called `/action`, but none can be read as actions.
+    #[error("{path}: no actions can be read: {reasons}", path = path.display())]
+    UnusableActions {
+        /// The file.
+        path: PathBuf,
+        /// Each topic with its reason.
+        reasons: String,
+    },
+    /// There are images and no topic `/action`.
+    #[error(
+        "{path}: images of {cameras}, but no actions: no topic ends in /action. Record what the robot \
+         was told on /action as sensor_msgs/JointState, std_msgs/Float32MultiArray or Float64MultiArray, \
+         geometry_msgs/Twist, or JSON {{\"values\": [..]}}; an existing topic can be renamed while replaying{lost}",
+        path = path.display()
+    )]
+    NoActions {
+        /// The file.
+        path: PathBuf,
+        /// The cameras that were found.
+        cameras: String,
+        /// What could not be read, after a full stop; empty if nothing was lost.
+        lost: String,
+    },
+    /// A message of the action topic does not say what was done.
+    #[error("{path}: message {message} of {topic}: {reason}", path = path.display())]
+    BadAction {
+        /// The file.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// Which message of the topic, from 0.
+        message: usize,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// Images of one camera have different sizes.
+    #[error(
+        "{path}: camera '{camera}' ({topic}) gives {}x{} first and {}x{} at {at_secs:.3} s: \
+         record one size, or split the recording there",
+        first.0, first.1, other.0, other.1, path = path.display()
+    )]
+    SizeChanges {
+        /// The file.
+        path: PathBuf,
+        /// The camera's name.
+        camera: String,
+        /// Its topic.
+        topic: String,
+        /// Rows and columns of its first image.
+        first: (u32, u32),
+        /// Rows and columns of the other one.
+        other: (u32, u32),
+        /// Seconds since the first step.
+        at_secs: f64,
+    },
+    /// No action comes after the first image of every camera.
+    #[error(
+        "{path}: none of the {actions} actions comes after the first image of every camera ({cameras}), \
+         so there is no step",
+        path = path.display()
+    )]
+    NoSteps {
+        /// The file.
+        path: PathBuf,
+        /// How many actions there are.
+        actions: usize,
+        /// The cameras.
+        cameras: String,
+    },
+    /// None of the given paths is or holds a recording.
+    #[error(
+        "no recordings (*.mcap) in {paths}: make some with `catena record`, or name their folder"
+    )]
+    NoRecordings {
+        /// The paths that were looked at.
+        paths: String,
+    },
+    /// Every recording was left out.
+    #[error("none of the {count} recordings of '{task}' can be a demonstration: {reasons}")]
+    NoDemonstrations {
+        /// The task.
+        task: String,
+        /// How many recordings there are.
+        count: usize,
+        /// Each file with its reason.
+        reasons: String,
+    },
+    /// The recordings of one set do not fit together.
+    #[error("the demonstrations of '{task}' do not fit together: {source}")]
+    Set {
+        /// The task.
+        task: String,
+        /// What differs.
+        source: TrajectoryError,
+    },
+    /// A folder that should hold a graph has no manifest.
+    #[error(
+        "{folder} is no graph folder: manifest.json is missing. Build it with `catena graph build`",
+        folder = folder.display()
+    )]
+    NoGraph {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// The manifest cannot be understood.
+    #[error("{path}: {reason}", path = path.display())]
+    Manifest {
+        /// The manifest.
+        path: PathBuf,
+        /// What is wrong, with line and column where it is JSON.
+        reason: String,
+    },
+    /// The folder was written by another version of the format.
+    #[error(
+        "{path} has format version {found}, this program reads {expected}: build the graph again",
+        path = path.display()
+    )]
+    FormatVersion {
+        /// The manifest.
+        path: PathBuf,
+        /// The file's version.
+        found: u32,
+        /// The version that this program writes.
+        expected: u32,
+    },
+    /// A file is not the one that the manifest names.
+    #[error(
+        "{path} was changed after it was written: the manifest says sha256 {expected}, the file has {found}. \
+         Build the graph again, or restore the file",
+        path = path.display()
+    )]
+    DigestMismatch {
+        /// The file.
+        path: PathBuf,
+        /// Digest in the manifest.
+        expected: String,
+        /// Digest of the file.
+        found: String,
+    },
+    /// Graph and model do not belong together.
+    #[error(
+        "the graph was built with model {graph_digest}, this model is {model_digest}: its latents mean \
+         nothing here. Build the graph again with this model, or take the model that it was built with"
+    )]
+    ModelMismatch {
+        /// Digest of the model that made the graph's latents.
+        graph_digest: String,
+        /// Digest of the model at hand.
+        model_digest: String,
+    },
+    /// A table does not hold what a graph needs.
+    #[error("{path}: {reason}", path = path.display())]
+    Table {
+        /// The Parquet file.
+        path: PathBuf,
+        /// Column and reason.
+        reason: String,
+    },
+    /// A picture could not be encoded or decoded.
+    #[error("{path}: image of {what}: {reason}", path = path.display())]
+    Picture {
+        /// The file.
+        path: PathBuf,
+        /// Which picture.
+        what: String,
+        /// What failed.
+        reason: String,
+    },
+}
+
+impl StorageError {
+    /// For `map_err` on what the operating system refuses.
+    pub(super) fn io(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Io {
+            doing,
+            path,
+            source,
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! Graphs as folders: two tables, optional pictures, and a manifest.
+
+use std::path::Path;
+
+use super::graph_images::{self, GraphImage};
+use super::replace::{replace_folder, settle_folder};
+use super::{GraphManifest, StorageError, tables};
+use crate::graph::TopologicalGraph;
+
+/// The table of nodes.
+const NODES: &str = "nodes.parquet";
+/// The table of edges.
+const EDGES: &str = "edges.parquet";
+
+/// Saves a graph as a folder, whole or not at all; a graph that is there is replaced.
+///
+/// `nodes.parquet` has a row a node (`id`, `task`, `trajectory`, `step`, `progress`, `reached`, `is_end`,
+/// `latent`), `edges.parquet` a row an edge (`from`, `to`, `kind`, `steps`, `probabilities`),
+/// `manifest.json` the rest. Returns the manifest as saved, with sizes and digests. The same graph gives
+/// the same bytes.
+///
+/// # Errors
+/// [`StorageError::Io`] or [`StorageError::Table`] when a file cannot be written.
+pub fn save_graph(
+    folder: &Path,
+    graph: &TopologicalGraph,
+    manifest: &GraphManifest,
+) -> Result<GraphManifest, StorageError> {
+    save_graph_with_images(folder, graph, manifest, std::iter::empty())
+}
+
+/// Saves a graph as [`save_graph`] does, and pictures of its nodes in `images.parquet` (`node`,
+/// `trajectory`, `step`, `camera`, `jpeg`), so that goal images can be shown without the demonstrations.
+///
+/// # Errors
+/// Those of [`save_graph`], and [`StorageError::Picture`] when an image cannot be encoded.
+pub fn save_graph_with_images(
+    folder: &Path,
+    graph: &TopologicalGraph,
+    manifest: &GraphManifest,
+    images: impl IntoIterator<Item = GraphImage>,
+) -> Result<GraphManifest, StorageError> {
+    let mut saved = manifest.clone();
+    replace_folder(folder, |draft| {
+        tables::write_nodes(&draft.join(NODES), graph)?;
+        tables::write_edges(&draft.join(EDGES), graph)?;
+        let mut names = vec![NODES, EDGES];
+        if graph_images::write(draft, graph, images)? {
+            names.push(graph_images::FILE_NAME);
+        }
+        saved = manifest.completed(draft, graph, &names)?;
+        saved.save(draft)
+    })?;
+    Ok(saved)
+}
+
+/// Loads a graph and its manifest after checking that no table was changed.
+///
+/// # Errors
+/// [`StorageError::NoGraph`] for a folder without manifest, [`StorageError::Manifest`] and
+/// [`StorageError::FormatVersion`] for one that cannot be used, [`StorageError::DigestMismatch`] for a
+/// table that is not the one saved, [`StorageError::Table`] for one that holds no graph,
+/// [`StorageError::Io`] when a file cannot be read.
+pub fn load_graph(folder: &Path) -> Result<(TopologicalGraph, GraphManifest), StorageError> {
+    let manifest = load_manifest(folder)?;
+    manifest.check_file(folder, NODES)?;
+    manifest.check_file(folder, EDGES)?;
+    let mut graph = TopologicalGraph::new(manifest.latent_dim, manifest.d_max);
+    tables::read_nodes(&folder.join(NODES), &mut graph)?;
+    tables::read_edges(&folder.join(EDGES), &mut graph)?;
+    for (what, expected, found, name) in [
+        ("nodes", manifest.node_count, graph.node_count(), NODES),
+        ("edges", manifest.edge_count, graph.edge_count(), EDGES),
+    ] {
+        if expected != found {
+            return Err(StorageError::Table {
+                path: folder.join(name),
+                reason: format!("{found} {what}, the manifest says {expected}"),
+            });
+        }
+    }
+    Ok((graph, manifest))
+}
+
+/// Loads only the manifest of a graph folder.
+///
+/// # Errors
+/// [`StorageError::NoGraph`], [`StorageError::Manifest`], [`StorageError::FormatVersion`] or
+/// [`StorageError::Io`].
+pub fn load_manifest(folder: &Path) -> Result<GraphManifest, StorageError> {
+    settle_folder(folder)?;
+    GraphManifest::load(folder)
+}
+
+#[cfg(test)]
+mod tests;

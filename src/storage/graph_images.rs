@@ -1,0 +1,145 @@
+//! Pictures of a graph's nodes.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use arrow::array::{ArrayRef, BinaryArray, StringArray, UInt32Array};
+
+use super::pixels::{decode_compressed, encode_jpeg};
+use super::tables::{Columns, write_table};
+use super::{StorageError, load_manifest};
+use crate::graph::{NodeId, TopologicalGraph};
+use crate::trajectory::Image;
+
+/// The table's name in a graph folder.
+pub(super) const FILE_NAME: &str = "images.parquet";
+/// Enough to recognise a scene; a tenth of a demonstration's bytes.
+const JPEG_QUALITY: u8 = 70;
+
+/// What one camera showed at one node.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GraphImage {
+    /// The node.
+    pub node: NodeId,
+    /// The camera's name.
+    pub camera: String,
+    /// The picture, of any size.
+    pub image: Image,
+}
+
+/// The pictures of one graph folder, by demonstration and step, so that they are found for the nodes of
+/// a merged graph as well.
+#[derive(Clone, Debug, Default)]
+pub struct GraphImages {
+    path: PathBuf,
+    jpegs: BTreeMap<(String, u32, String), Vec<u8>>,
+}
+
+impl GraphImages {
+    /// Reads the pictures of a graph folder; none where it was saved without.
+    ///
+    /// # Errors
+    /// Those of [`load_manifest`], [`StorageError::DigestMismatch`] and [`StorageError::Table`] for a
+    /// table that is not the one saved.
+    pub fn open(folder: &Path) -> Result<Self, StorageError> {
+        let manifest = load_manifest(folder)?;
+        let path = folder.join(FILE_NAME);
+        let mut jpegs = BTreeMap::new();
+        if manifest.files.contains_key(FILE_NAME) {
+            manifest.check_file(folder, FILE_NAME)?;
+            for batch in Columns::read(&path)? {
+                let batch = batch?;
+                let trajectories: &StringArray = batch.column("trajectory")?;
+                let steps: &UInt32Array = batch.column("step")?;
+                let cameras: &StringArray = batch.column("camera")?;
+                let pictures: &BinaryArray = batch.column("jpeg")?;
+                for row in 0..batch.rows() {
+                    let key = (
+                        trajectories.value(row).to_owned(),
+                        steps.value(row),
+                        cameras.value(row).to_owned(),
+                    );
+                    jpegs.insert(key, pictures.value(row).to_vec());
+                }
+            }
+        }
+        Ok(Self { path, jpegs })
+    }
+
+    /// Number of pictures.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.jpegs.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.jpegs.is_empty()
+    }
+
+    /// What a camera showed at a step of a demonstration; `None` where no picture was saved.
+    ///
+    /// # Errors
+    /// [`StorageError::Picture`] when the picture cannot be decoded.
+    pub fn image(
+        &self,
+        trajectory: &str,
+        step: u32,
+        camera: &str,
+    ) -> Result<Option<Image>, StorageError> {
+        let key = (trajectory.to_owned(), step, camera.to_owned());
+        let Some(jpeg) = self.jpegs.get(&key) else {
+            return Ok(None);
+        };
+        decode_compressed(jpeg, "jpeg")
+            .map(Some)
+            .map_err(|reason| StorageError::Picture {
+                path: self.path.clone(),
+                what: format!("camera '{camera}' at step {step} of {trajectory}"),
+                reason,
+            })
+    }
+}
+
+/// Writes the pictures into `folder`; whether there were any.
+pub(super) fn write(
+    folder: &Path,
+    graph: &TopologicalGraph,
+    images: impl IntoIterator<Item = GraphImage>,
+) -> Result<bool, StorageError> {
+    let path = folder.join(FILE_NAME);
+    let (mut nodes, mut trajectories, mut steps) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut cameras, mut jpegs) = (Vec::new(), Vec::new());
+    for GraphImage {
+        node,
+        camera,
+        image,
+    } in images
+    {
+        let jpeg = encode_jpeg(&image, JPEG_QUALITY).map_err(|reason| StorageError::Picture {
+            path: path.clone(),
+            what: format!("camera '{camera}' at node {}", node.0),
+            reason,
+        })?;
+        let place = graph.node(node);
+        nodes.push(node.0);
+        trajectories.push(place.trajectory.as_str());
+        steps.push(place.step);
+        cameras.push(camera);
+        jpegs.push(jpeg);
+    }
+    if jpegs.is_empty() {
+        return Ok(false);
+    }
+    let columns: Vec<(&str, ArrayRef)> = vec![
+        ("node", Arc::new(UInt32Array::from(nodes))),
+        ("trajectory", Arc::new(StringArray::from(trajectories))),
+        ("step", Arc::new(UInt32Array::from(steps))),
+        ("camera", Arc::new(StringArray::from(cameras))),
+        ("jpeg", Arc::new(BinaryArray::from_iter_values(jpegs))),
+    ];
+    write_table(&path, columns)?;
+    Ok(true)
+}

@@ -1,0 +1,289 @@
+//! Which topics of a recording make its trajectory.
+
+use std::path::Path;
+
+use super::action_message::{ActionFormat, ActionMessage, action, action_space};
+use super::align::align;
+use super::decode::decode_image;
+use super::episode::{HEADER_RECORD, keys};
+use super::scan::{Scan, TopicScan};
+use super::topic::{ImageFormat, Role, camera_name};
+use super::{ActionReport, CameraReport, Loss, StorageError};
+use crate::trajectory::{Action, ActionSpace, CameraSpec, Image, Marker};
+
+/// A camera topic whose first image can be decoded.
+pub(super) struct CameraTopic<'a> {
+    pub name: String,
+    pub format: ImageFormat,
+    pub first: Image,
+    pub scan: &'a TopicScan,
+}
+
+/// The action topic.
+pub(super) struct ActionTopic<'a> {
+    pub scan: &'a TopicScan,
+    pub space: ActionSpace,
+    messages: Vec<Result<ActionMessage, String>>,
+}
+
+/// A topic with images or actions that is not used.
+struct Unused {
+    topic: String,
+    is_camera: bool,
+    reason: String,
+}
+
+/// The topics of a trajectory.
+#[derive(Default)]
+pub(super) struct Layout<'a> {
+    /// By name.
+    pub cameras: Vec<CameraTopic<'a>>,
+    pub actions: Option<ActionTopic<'a>>,
+    unused: Vec<Unused>,
+}
+
+impl<'a> Layout<'a> {
+    pub fn of(scan: &'a Scan) -> Self {
+        let mut layout = Self::default();
+        for topic in scan.topics.values() {
+            match &topic.role {
+                Role::Camera(format) => layout.add_camera(*format, topic),
+                Role::Action(format) => layout.add_actions(*format, topic, scan),
+                Role::UnreadableCamera(reason) => layout.leave(topic, true, reason),
+                Role::UnreadableAction(reason) => layout.leave(topic, false, reason),
+                Role::Task | Role::Subgoal | Role::Other => {}
+            }
+        }
+        layout.cameras.sort_by(|a, b| a.name.cmp(&b.name));
+        layout
+    }
+
+    fn leave(&mut self, scan: &TopicScan, is_camera: bool, reason: &str) {
+        self.unused.push(Unused {
+            topic: scan.channel.topic.clone(),
+            is_camera,
+            reason: reason.to_owned(),
+        });
+    }
+
+    fn add_camera(&mut self, format: ImageFormat, scan: &'a TopicScan) {
+        let Some((_, message)) = scan.kept.first() else {
+            return;
+        };
+        let first = match decode_image(format, message) {
+            Ok(image) => image,
+            Err(reason) => return self.leave(scan, true, &format!("its first image: {reason}")),
+        };
+        let camera = CameraTopic {
+            name: camera_name(&scan.channel.topic),
+            format,
+            first,
+            scan,
+        };
+        // One camera is often recorded twice, raw and compressed; the topic with more images is used.
+        let rival = self.cameras.iter_mut().find(|c| c.name == camera.name);
+        let Some(rival) = rival else {
+            return self.cameras.push(camera);
+        };
+        let other = if camera.scan.messages > rival.scan.messages {
+            std::mem::replace(rival, camera).scan
+        } else {
+            scan
+        };
+        let reason = format!(
+            "is camera '{}' as well, taken from {}",
+            rival.name, rival.scan.channel.topic
+        );
+        self.leave(other, true, &reason);
+    }
+
+    fn add_actions(&mut self, format: ActionFormat, scan: &'a TopicScan, file: &Scan) {
+        let messages: Vec<_> = scan.kept.iter().map(|(_, m)| format.decode(m)).collect();
+        let readable: Vec<_> = messages.iter().flatten().cloned().collect();
+        let Some(space) = action_space(declared_space(file), &readable) else {
+            let reason = messages
+                .into_iter()
+                .find_map(Result::err)
+                .unwrap_or_default();
+            return self.leave(scan, false, &format!("its first action: {reason}"));
+        };
+        let actions = ActionTopic {
+            scan,
+            space,
+            messages,
+        };
+        let other = match &mut self.actions {
+            None => {
+                self.actions = Some(actions);
+                return;
+            }
+            // `/action` is shorter than `/left_arm/action`.
+            Some(used) if used.scan.channel.topic.len() > scan.channel.topic.len() => {
+                std::mem::replace(used, actions).scan
+            }
+            Some(_) => scan,
+        };
+        self.leave(other, false, "actions are taken from a shorter topic");
+    }
+
+    /// Why this layout makes no trajectory, if it does not.
+    pub fn check(&self, path: &Path, scan: &Scan) -> Result<&ActionTopic<'a>, StorageError> {
+        let path = path.to_owned();
+        if self.cameras.is_empty() {
+            return Err(match self.reasons(true) {
+                Some(reasons) => StorageError::UnusableCameras { path, reasons },
+                None => StorageError::NoImages {
+                    path,
+                    topics: topic_list(scan),
+                    lost: lost(scan),
+                },
+            });
+        }
+        self.actions
+            .as_ref()
+            .ok_or_else(|| match self.reasons(false) {
+                Some(reasons) => StorageError::UnusableActions { path, reasons },
+                None => StorageError::NoActions {
+                    path,
+                    cameras: self.camera_names(),
+                    lost: lost(scan),
+                },
+            })
+    }
+
+    fn reasons(&self, cameras: bool) -> Option<String> {
+        let reasons: Vec<_> = self
+            .unused
+            .iter()
+            .filter(|u| u.is_camera == cameras)
+            .map(Unused::to_string)
+            .collect();
+        (!reasons.is_empty()).then(|| reasons.join("; "))
+    }
+
+    /// What is there and not used, each with its reason.
+    pub fn notes(&self) -> Vec<String> {
+        self.unused.iter().map(Unused::to_string).collect()
+    }
+
+    /// The cameras with their topics, for messages.
+    pub fn camera_names(&self) -> String {
+        let names: Vec<_> = self
+            .cameras
+            .iter()
+            .map(|c| format!("{} ({})", c.name, c.scan.channel.topic))
+            .collect();
+        names.join(", ")
+    }
+
+    /// Number of steps and what is lost of the actions, judged by times alone.
+    pub fn steps(&self) -> (usize, Option<Loss>) {
+        let Some(actions) = self.actions.as_ref().filter(|_| !self.cameras.is_empty()) else {
+            return (0, None);
+        };
+        let images: Vec<_> = self.cameras.iter().map(|c| c.scan.times()).collect();
+        let times = actions.scan.times();
+        let first = align(&times, &images).first_action;
+        let loss = (first > 0).then_some(Loss::ActionsWithoutImages { actions: first });
+        (times.len() - first, loss)
+    }
+
+    /// The markers, each at the first of the last `steps` actions at or after it.
+    pub fn markers(&self, scan: &Scan, steps: usize) -> Vec<Marker> {
+        let times = self
+            .actions
+            .as_ref()
+            .map(|a| a.scan.times())
+            .unwrap_or_default();
+        let times = &times[times.len() - steps..];
+        scan.markers()
+            .into_iter()
+            .map(|(nanos, name)| Marker {
+                step: times.partition_point(|t| *t < nanos),
+                name,
+            })
+            .filter(|marker| marker.step < steps)
+            .collect()
+    }
+}
+
+impl std::fmt::Display for Unused {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: {}", self.topic, self.reason)
+    }
+}
+
+impl CameraTopic<'_> {
+    pub fn report(&self) -> CameraReport {
+        CameraReport {
+            spec: CameraSpec {
+                name: self.name.clone(),
+                height: self.first.height(),
+                width: self.first.width(),
+            },
+            topic: self.scan.channel.topic.clone(),
+            images: self.scan.messages,
+        }
+    }
+}
+
+impl ActionTopic<'_> {
+    pub fn report(&self) -> ActionReport {
+        ActionReport {
+            topic: self.scan.channel.topic.clone(),
+            space: self.space.clone(),
+        }
+    }
+
+    /// All actions, or the first that does not belong to the space.
+    pub fn actions(&self, path: &Path) -> Result<Vec<Action>, StorageError> {
+        self.messages
+            .iter()
+            .enumerate()
+            .map(|(message, decoded)| {
+                decoded
+                    .clone()
+                    .and_then(|m| action(&self.space, m))
+                    .map_err(|reason| StorageError::BadAction {
+                        path: path.to_owned(),
+                        topic: self.scan.channel.topic.clone(),
+                        message,
+                        reason,
+                    })
+            })
+            .collect()
+    }
+}
+
+/// The action space that a recording of ours declares in its metadata.
+fn declared_space(scan: &Scan) -> Option<ActionSpace> {
+    let header = scan.salvage.metadata.get(HEADER_RECORD)?;
+    serde_json::from_str(header.get(keys::ACTION_SPACE)?).ok()
+}
+
+/// What of the file could not be read, as the end of an error's text.
+fn lost(scan: &Scan) -> String {
+    let losses: Vec<_> = scan.salvage.losses.iter().map(Loss::to_string).collect();
+    if losses.is_empty() {
+        String::new()
+    } else {
+        format!(". Lost: {}", losses.join("; "))
+    }
+}
+
+fn topic_list(scan: &Scan) -> String {
+    const SHOWN: usize = 12;
+    let mut topics: Vec<_> = scan
+        .topics
+        .values()
+        .take(SHOWN)
+        .map(|t| format!("{} ({})", t.channel.topic, t.channel.type_name))
+        .collect();
+    if topics.is_empty() {
+        return "none: it holds no message".to_owned();
+    }
+    if scan.topics.len() > SHOWN {
+        topics.push(format!("and {} more", scan.topics.len() - SHOWN));
+    }
+    topics.join(", ")
+}

@@ -1,0 +1,50 @@
+//! Learning from demonstrations: the latent-flow network, its sampling and losses, the trainer and
+//! the ONNX export (Fu & Finn, sections III-C, III-E and III-F).
+//!
+//! The way of a training: [`Dataset`] lays out the states of all demonstrations, a
+//! sampler draws windows of states and pairs among them, a producer thread turns
+//! them into patches, the [network](LatentFlowNetwork) encodes each state once and scores the pairs,
+//! and [`train`] keeps the weights that do best on held-out demonstrations. [`export`] writes them as
+//! ONNX files with a manifest; nothing outside this room needs Burn.
+
+mod augmentation;
+mod batch;
+mod budget;
+mod checkpoint;
+mod config;
+mod dataset;
+mod device;
+mod error;
+mod evaluation;
+mod export;
+mod history;
+mod look_alikes;
+mod loss;
+mod masks;
+mod network;
+mod normalisation;
+mod observer;
+mod patches;
+mod reference;
+mod sampler;
+mod schedule;
+#[cfg(test)]
+mod synthetic;
+mod trained_model;
+mod trainer;
+mod weights;
+
+pub use config::{
+    AugmentationConfig, EncoderConfig, NetworkConfig, OptimiserConfig, Preset, SamplingConfig,
+    TrainingConfig,
+};
+pub use dataset::{Dataset, StateRef};
+pub use device::training_device;
+pub use error::TrainingError;
+pub use export::export;
+pub use network::LatentFlowNetwork;
+pub use normalisation::ChannelNormalisation;
+pub use observer::{SilentObserver, StepLosses, TrainingEvent, TrainingObserver};
+pub use reference::ReferenceOutputs;
+pub use trained_model::TrainedModel;
+pub use trainer::{TrainingReport, train, train_on};

@@ -1,0 +1,403 @@
+use serde::{Deserialize, Serialize};
+
+use super::TrainingError;
+
+/// Everything that decides a training; with the same demonstrations it gives the same weights.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrainingConfig {
+    /// Seed of everything random.
+    pub seed: u64,
+    /// How many frames make a state.
+    pub stack: usize,
+    /// Number of traversability classes; class `d_max` means disconnected.
+    pub d_max: usize,
+    /// Weight of far pairs in the traversability loss (the paper's beta).
+    pub far_weight: f32,
+    /// Weight of the policy loss (the paper's alpha).
+    pub policy_weight: f32,
+    /// Share of the demonstrations of each task that is held out; at least one in all.
+    pub validation_share: f64,
+    /// Number of optimiser steps.
+    pub steps: u64,
+    /// Validate after so many steps.
+    pub validate_every_steps: u64,
+    /// Write a checkpoint after so many steps.
+    pub checkpoint_every_steps: u64,
+    /// Stop when so many validations in a row have brought nothing better.
+    pub patience_validations: Option<u64>,
+    /// Stop training after so many minutes; the learning rate falls to its end by then. The weights
+    /// then depend on the speed of the machine.
+    pub max_minutes: Option<f64>,
+    /// The network.
+    pub network: NetworkConfig,
+    /// How states and pairs are drawn.
+    pub sampling: SamplingConfig,
+    /// How images are varied.
+    pub augmentation: AugmentationConfig,
+    /// How weights are changed.
+    pub optimiser: OptimiserConfig,
+}
+
+/// The latent-flow network.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct NetworkConfig {
+    /// The ResNet of each camera.
+    pub encoder: EncoderConfig,
+    /// Width of the first layer of both heads; what a state is projected to.
+    pub projection_width: usize,
+    /// Width of the second layer of both heads.
+    pub hidden_width: usize,
+    /// Probability with which a value of a head's layer is set to 0 while training.
+    pub dropout: f64,
+}
+
+/// The ResNet that encodes the images of one camera.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EncoderConfig {
+    /// Side of the square patches that the first layer sees, in pixels.
+    pub stem_kernel: usize,
+    /// Distance between neighbouring patches, in pixels.
+    pub stem_stride: usize,
+    /// Channels after the first layer.
+    pub stem_channels: usize,
+    /// Channels of each stage; a stage halves rows and columns and ends in a residual block.
+    pub stage_channels: Vec<usize>,
+    /// Values of the latent of one camera.
+    pub latent_dim: usize,
+    /// Probability with which a state skips a residual block while training.
+    pub stochastic_depth: f64,
+}
+
+/// How states and pairs of a batch are drawn.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SamplingConfig {
+    /// States that are encoded in a step.
+    pub states: usize,
+    /// Consecutive states that are drawn together, so that they hold near pairs; at least `d_max`.
+    pub window: usize,
+    /// Far pairs that are scored in a step.
+    pub far_pairs: usize,
+    /// Share of the windows that show a look-alike of another window: a moment of the same
+    /// trajectory that looks most similar although it is `d_max` or more steps away.
+    pub look_alike_share: f64,
+    /// Share of the far pairs' weight that goes to hard ones: look-alikes, and pairs that lead
+    /// backward in time. The rest is uniform as in the paper.
+    pub hard_share: f64,
+}
+
+/// How images are varied while training; the same for all frames of a window.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AugmentationConfig {
+    /// Largest shift of an image in either direction, in pixels.
+    pub shift_pixels: usize,
+    /// Largest relative change of brightness; 0.2 multiplies by 0.8 to 1.2.
+    pub brightness: f32,
+    /// Largest relative change of each colour channel.
+    pub tint: f32,
+}
+
+/// How weights are changed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OptimiserConfig {
+    /// Largest learning rate.
+    pub learning_rate: f64,
+    /// The learning rate ends at this share of the largest.
+    pub final_share: f64,
+    /// Steps over which the learning rate rises from 0.
+    pub warmup_steps: u64,
+    /// `AdamW`'s decoupled weight decay.
+    pub weight_decay: f32,
+    /// Largest norm of the gradient of each weight tensor.
+    pub clip_norm: f32,
+    /// Share of the averaged weights that is kept at each step; 0 means no averaging.
+    pub average_decay: f64,
+}
+
+/// Ready-made configurations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Preset {
+    /// The paper's set-up: two cameras of about 90x160, tens of demonstrations of 40 to 100 steps.
+    Paper,
+    /// Small images and few, short demonstrations.
+    Small,
+    /// Seconds of training, for tests.
+    Tiny,
+}
+
+impl Preset {
+    /// All presets with the names that [`Preset::parse`] knows.
+    pub const NAMES: [(&'static str, Self); 3] = [
+        ("paper", Self::Paper),
+        ("small", Self::Small),
+        ("tiny", Self::Tiny),
+    ];
+
+    /// The preset of a name.
+    #[must_use]
+    pub fn parse(name: &str) -> Option<Self> {
+        Self::NAMES
+            .iter()
+            .find(|(known, _)| *known == name)
+            .map(|(_, preset)| *preset)
+    }
+
+    /// Its configuration.
+    #[must_use]
+    pub fn config(self) -> TrainingConfig {
+        match self {
+            Self::Paper => TrainingConfig::default(),
+            Self::Small => small(),
+            Self::Tiny => tiny(),
+        }
+    }
+}
+
+fn small() -> TrainingConfig {
+    let mut config = TrainingConfig {
+        steps: 1_500,
+        validate_every_steps: 100,
+        checkpoint_every_steps: 100,
+        ..TrainingConfig::default()
+    };
+    config.network.encoder.stage_channels = vec![32, 64];
+    config.augmentation.shift_pixels = 2;
+    config
+}
+
+fn tiny() -> TrainingConfig {
+    let mut config = TrainingConfig {
+        steps: 60,
+        validate_every_steps: 20,
+        checkpoint_every_steps: 20,
+        ..TrainingConfig::default()
+    };
+    config.network.encoder = EncoderConfig {
+        stem_kernel: 4,
+        stem_stride: 4,
+        stem_channels: 8,
+        stage_channels: vec![8],
+        latent_dim: 8,
+        stochastic_depth: 0.3,
+    };
+    config.network.projection_width = 16;
+    config.network.hidden_width = 16;
+    config.sampling.states = 24;
+    config.sampling.far_pairs = 64;
+    config.augmentation.shift_pixels = 1;
+    config.optimiser.learning_rate = 3e-3;
+    config.optimiser.warmup_steps = 5;
+    config.optimiser.average_decay = 0.9;
+    config
+}
+
+impl Default for TrainingConfig {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            stack: 2,
+            d_max: 5,
+            far_weight: 5.0,
+            policy_weight: 5.0,
+            validation_share: 0.1,
+            steps: 5_000,
+            validate_every_steps: 250,
+            checkpoint_every_steps: 250,
+            patience_validations: None,
+            max_minutes: None,
+            network: NetworkConfig::default(),
+            sampling: SamplingConfig::default(),
+            augmentation: AugmentationConfig::default(),
+            optimiser: OptimiserConfig::default(),
+        }
+    }
+}
+
+impl Default for NetworkConfig {
+    fn default() -> Self {
+        Self {
+            encoder: EncoderConfig::default(),
+            projection_width: 256,
+            hidden_width: 128,
+            dropout: 0.3,
+        }
+    }
+}
+
+impl Default for EncoderConfig {
+    fn default() -> Self {
+        Self {
+            stem_kernel: 6,
+            stem_stride: 4,
+            stem_channels: 24,
+            stage_channels: vec![32, 64, 96],
+            latent_dim: 96,
+            stochastic_depth: 0.3,
+        }
+    }
+}
+
+impl Default for SamplingConfig {
+    fn default() -> Self {
+        Self {
+            states: 96,
+            window: 6,
+            far_pairs: 1_024,
+            look_alike_share: 0.0,
+            hard_share: 0.0,
+        }
+    }
+}
+
+impl Default for AugmentationConfig {
+    fn default() -> Self {
+        Self {
+            shift_pixels: 4,
+            brightness: 0.2,
+            tint: 0.05,
+        }
+    }
+}
+
+impl Default for OptimiserConfig {
+    fn default() -> Self {
+        Self {
+            learning_rate: 1e-3,
+            final_share: 0.01,
+            warmup_steps: 200,
+            weight_decay: 1e-2,
+            clip_norm: 1.0,
+            average_decay: 0.998,
+        }
+    }
+}
+
+impl TrainingConfig {
+    /// Checks every value that would otherwise break the training later.
+    ///
+    /// # Errors
+    /// [`TrainingError::Config`] with the first field that is out of its range.
+    pub fn check(&self) -> Result<(), TrainingError> {
+        let encoder = &self.network.encoder;
+        let sampling = &self.sampling;
+        demand(self.stack > 0, "stack", self.stack, "it must be 1 or more")?;
+        demand(self.d_max > 1, "d_max", self.d_max, "it must be 2 or more")?;
+        demand(self.steps > 0, "steps", self.steps, "it must be 1 or more")?;
+        demand(
+            self.validate_every_steps > 0,
+            "validate_every_steps",
+            self.validate_every_steps,
+            "it must be 1 or more",
+        )?;
+        demand(
+            self.checkpoint_every_steps > 0,
+            "checkpoint_every_steps",
+            self.checkpoint_every_steps,
+            "it must be 1 or more",
+        )?;
+        demand(
+            self.validation_share > 0.0 && self.validation_share < 1.0,
+            "validation_share",
+            self.validation_share,
+            "it must lie between 0 and 1",
+        )?;
+        demand(
+            encoder.stem_stride > 0 && encoder.stem_kernel >= encoder.stem_stride,
+            "network.encoder.stem_kernel",
+            encoder.stem_kernel,
+            "it must be at least stem_stride, which must be 1 or more",
+        )?;
+        demand(
+            encoder.latent_dim > 0 && self.network.projection_width > 0,
+            "network.encoder.latent_dim",
+            encoder.latent_dim,
+            "no width may be 0",
+        )?;
+        demand(
+            sampling.window >= self.d_max,
+            "sampling.window",
+            sampling.window,
+            "a window must hold pairs of every near class: at least d_max states",
+        )?;
+        demand(
+            sampling.states >= 2 * sampling.window,
+            "sampling.states",
+            sampling.states,
+            "a batch must hold two windows, or there is no far pair",
+        )?;
+        for (field, value) in [
+            ("network.dropout", self.network.dropout),
+            ("network.encoder.stochastic_depth", encoder.stochastic_depth),
+            ("sampling.look_alike_share", sampling.look_alike_share),
+            ("sampling.hard_share", sampling.hard_share),
+            ("optimiser.average_decay", self.optimiser.average_decay),
+        ] {
+            demand(
+                (0.0..1.0).contains(&value),
+                field,
+                value,
+                "it must be at least 0 and below 1",
+            )?;
+        }
+        demand(
+            self.optimiser.learning_rate > 0.0,
+            "optimiser.learning_rate",
+            self.optimiser.learning_rate,
+            "it must be above 0",
+        )
+    }
+}
+
+fn demand(
+    holds: bool,
+    field: &'static str,
+    value: impl ToString,
+    demand: &'static str,
+) -> Result<(), TrainingError> {
+    if holds {
+        return Ok(());
+    }
+    Err(TrainingError::Config {
+        field,
+        value: value.to_string(),
+        demand,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_pass_their_own_check_and_survive_json() {
+        for (name, preset) in Preset::NAMES {
+            let config = preset.config();
+            config.check().unwrap();
+            let json = serde_json::to_string(&config).unwrap();
+            assert_eq!(
+                serde_json::from_str::<TrainingConfig>(&json).unwrap(),
+                config
+            );
+            assert_eq!(Preset::parse(name), Some(preset));
+        }
+    }
+
+    #[test]
+    fn a_misspelt_field_is_refused() {
+        assert!(serde_json::from_str::<TrainingConfig>(r#"{"stepz": 3}"#).is_err());
+    }
+
+    #[test]
+    fn a_window_without_near_pairs_of_every_class_is_refused() {
+        let mut config = TrainingConfig::default();
+        config.sampling.window = 4;
+        let error = config.check().unwrap_err();
+        assert!(error.to_string().contains("sampling.window is 4"));
+    }
+}

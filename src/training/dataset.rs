@@ -1,0 +1,309 @@
+use std::sync::Arc;
+
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use super::TrainingError;
+use crate::trajectory::{
+    ActionSpace, CameraSpec, DemonstrationSet, Observation, State, Trajectory,
+};
+
+/// One state of a [`Dataset`]: a step of one of its trajectories.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct StateRef {
+    /// Index of the trajectory in the dataset.
+    pub trajectory: u32,
+    /// Step within the trajectory.
+    pub step: u32,
+}
+
+/// All demonstrations of a training with their actions as classes. The images are shared with the
+/// demonstration sets, not copied.
+#[derive(Debug)]
+pub struct Dataset {
+    cameras: Vec<CameraSpec>,
+    action_space: ActionSpace,
+    trajectories: Vec<Labelled>,
+}
+
+#[derive(Debug)]
+struct Labelled {
+    set: usize,
+    observations: Vec<Arc<Observation>>,
+    /// The class of each head, step after step.
+    classes: Vec<Vec<usize>>,
+}
+
+/// Indices of trajectories that are trained on, and of those that are held out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Split {
+    /// Trained on, in rising order.
+    pub training: Vec<u32>,
+    /// Held out, in rising order.
+    pub validation: Vec<u32>,
+}
+
+impl Dataset {
+    /// Puts the demonstrations of several tasks together.
+    ///
+    /// # Errors
+    /// [`TrainingError::TooFewDemonstrations`] for fewer than two, and the variants that name what
+    /// differs between sets or does not fit within a trajectory.
+    pub fn new(sets: &[DemonstrationSet]) -> Result<Self, TrainingError> {
+        let found = sets.iter().map(|s| s.trajectories().len()).sum();
+        let Some(first) = sets.first().filter(|_| found >= 2) else {
+            return Err(TrainingError::TooFewDemonstrations { found });
+        };
+        if first.action_space().head_sizes().is_empty() {
+            return Err(TrainingError::ActionsWithoutClasses {
+                set: first.task().to_owned(),
+                space: first.action_space().to_string(),
+            });
+        }
+        let mut trajectories = Vec::with_capacity(found);
+        for (index, set) in sets.iter().enumerate() {
+            check_same_kind(first, set)?;
+            for trajectory in set.trajectories() {
+                trajectories.push(labelled(index, trajectory, &first.cameras())?);
+            }
+        }
+        Ok(Self {
+            cameras: first.cameras(),
+            action_space: first.action_space().clone(),
+            trajectories,
+        })
+    }
+
+    /// Cameras of every state, by name.
+    #[must_use]
+    pub fn cameras(&self) -> &[CameraSpec] {
+        &self.cameras
+    }
+
+    /// The actions of every step.
+    #[must_use]
+    pub fn action_space(&self) -> &ActionSpace {
+        &self.action_space
+    }
+
+    /// Number of trajectories.
+    #[must_use]
+    pub fn trajectory_count(&self) -> usize {
+        self.trajectories.len()
+    }
+
+    /// Number of steps of a trajectory.
+    ///
+    /// # Panics
+    /// If there is no such trajectory.
+    #[must_use]
+    pub fn steps(&self, trajectory: u32) -> usize {
+        self.trajectories[trajectory as usize].classes.len()
+    }
+
+    /// Number of states of all trajectories together.
+    #[must_use]
+    pub fn state_count(&self) -> usize {
+        self.trajectories.iter().map(|t| t.classes.len()).sum()
+    }
+
+    /// The state at a step, `stack` frames deep.
+    ///
+    /// # Panics
+    /// If there is no such state or `stack` is 0.
+    #[must_use]
+    pub fn state(&self, at: StateRef, stack: usize) -> State {
+        let last = at.step as usize;
+        let first = (last + 1).saturating_sub(stack);
+        let observations = &self.trajectories[at.trajectory as usize].observations;
+        State::from_history(&observations[first..=last], stack)
+    }
+
+    /// What was seen at a step.
+    ///
+    /// # Panics
+    /// If there is no such step.
+    #[must_use]
+    pub fn observation(&self, at: StateRef) -> &Observation {
+        &self.trajectories[at.trajectory as usize].observations[at.step as usize]
+    }
+
+    /// The class of each head of the action at a step.
+    ///
+    /// # Panics
+    /// If there is no such step.
+    #[must_use]
+    pub fn classes(&self, at: StateRef) -> &[usize] {
+        &self.trajectories[at.trajectory as usize].classes[at.step as usize]
+    }
+
+    /// Every state of some trajectories, in order.
+    pub fn states_of<'a>(&'a self, trajectories: &'a [u32]) -> impl Iterator<Item = StateRef> + 'a {
+        trajectories.iter().flat_map(|trajectory| {
+            (0..self.steps(*trajectory)).map(|step| StateRef {
+                trajectory: *trajectory,
+                step: step as u32,
+            })
+        })
+    }
+
+    /// Holds out `share` of each set's trajectories, at least one in all; the same seed holds out
+    /// the same ones. A set of one trajectory is trained on unless nothing else could be held out.
+    #[must_use]
+    pub fn split(&self, share: f64, seed: u64) -> Split {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let sets = self.trajectories.iter().map(|t| t.set + 1).max().unwrap_or(0);
+        let mut validation = Vec::new();
+        for set in 0..sets {
+            let mut members = self.members(set);
+            members.shuffle(&mut rng);
+            let wanted = (members.len() as f64 * share).round() as usize;
+            validation.extend(members.iter().take(wanted.min(members.len() - 1)));
+        }
+        if validation.is_empty() {
+            let mut all: Vec<u32> = (0..self.trajectories.len() as u32).collect();
+            all.shuffle(&mut rng);
+            validation.extend(all.first());
+        }
+        validation.sort_unstable();
+        let training = (0..self.trajectories.len() as u32)
+            .filter(|t| !validation.contains(t))
+            .collect();
+        Split {
+            training,
+            validation,
+        }
+    }
+
+    fn members(&self, set: usize) -> Vec<u32> {
+        (0..self.trajectories.len() as u32)
+            .filter(|t| self.trajectories[*t as usize].set == set)
+            .collect()
+    }
+}
+
+fn check_same_kind(
+    first: &DemonstrationSet,
+    set: &DemonstrationSet,
+) -> Result<(), TrainingError> {
+    if set.cameras() != first.cameras() {
+        return Err(TrainingError::CamerasDiffer {
+            first_set: first.task().to_owned(),
+            expected: printed(&first.cameras()),
+            set: set.task().to_owned(),
+            found: printed(&set.cameras()),
+        });
+    }
+    if set.action_space() != first.action_space() {
+        return Err(TrainingError::ActionSpacesDiffer {
+            first_set: first.task().to_owned(),
+            expected: first.action_space().to_string(),
+            set: set.task().to_owned(),
+            found: set.action_space().to_string(),
+        });
+    }
+    Ok(())
+}
+
+fn printed(cameras: &[CameraSpec]) -> String {
+    let each: Vec<String> = cameras
+        .iter()
+        .map(|c| format!("{} {}x{}", c.name, c.height, c.width))
+        .collect();
+    format!("[{}]", each.join(", "))
+}
+
+fn labelled(
+    set: usize,
+    trajectory: &Trajectory,
+    cameras: &[CameraSpec],
+) -> Result<Labelled, TrainingError> {
+    let mut observations = Vec::with_capacity(trajectory.steps.len());
+    let mut classes = Vec::with_capacity(trajectory.steps.len());
+    for (index, step) in trajectory.steps.iter().enumerate() {
+        let misfit = |source| TrainingError::Step {
+            trajectory: trajectory.id.clone(),
+            step: index,
+            source,
+        };
+        for camera in cameras {
+            let image = step.observation.image(&camera.name).map_err(misfit)?;
+            if (image.height(), image.width()) != (camera.height, camera.width) {
+                return Err(TrainingError::ImageSize {
+                    trajectory: trajectory.id.clone(),
+                    step: index,
+                    camera: camera.name.clone(),
+                    expected: format!("{}x{}", camera.height, camera.width),
+                    found: format!("{}x{}", image.height(), image.width()),
+                });
+            }
+        }
+        classes.push(
+            trajectory
+                .action_space
+                .classes(&step.action)
+                .map_err(misfit)?,
+        );
+        observations.push(Arc::clone(&step.observation));
+    }
+    Ok(Labelled {
+        set,
+        observations,
+        classes,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::training::synthetic;
+
+    #[test]
+    fn one_demonstration_is_refused() {
+        let sets = [synthetic::demonstrations("only", 1, 8, 3)];
+        let error = Dataset::new(&sets).unwrap_err();
+        assert!(matches!(
+            error,
+            TrainingError::TooFewDemonstrations { found: 1 }
+        ));
+    }
+
+    #[test]
+    fn sets_with_other_cameras_are_refused_by_name() {
+        let sets = [
+            synthetic::demonstrations("wide", 2, 8, 3),
+            synthetic::demonstrations_sized("narrow", 2, 8, 3, (16, 16)),
+        ];
+        let message = Dataset::new(&sets).unwrap_err().to_string();
+        assert!(message.contains("'narrow'") && message.contains("16x16"), "{message}");
+    }
+
+    #[test]
+    fn the_split_is_seeded_and_holds_out_whole_trajectories_of_each_set() {
+        let sets = [
+            synthetic::demonstrations("a", 10, 8, 3),
+            synthetic::demonstrations("b", 10, 8, 4),
+        ];
+        let data = Dataset::new(&sets).unwrap();
+        let split = data.split(0.1, 5);
+        assert_eq!(split, data.split(0.1, 5));
+        assert_ne!(split, data.split(0.1, 6));
+        assert_eq!(split.validation.len(), 2);
+        assert!(split.validation[0] < 10 && split.validation[1] >= 10);
+        assert_eq!(split.training.len(), 18);
+    }
+
+    #[test]
+    fn a_state_stacks_the_frame_before_it() {
+        let data = Dataset::new(&[synthetic::demonstrations("a", 2, 8, 3)]).unwrap();
+        let at = StateRef {
+            trajectory: 1,
+            step: 4,
+        };
+        let state = data.state(at, 2);
+        assert_eq!(state.newest(), data.observation(at));
+        let before = StateRef { step: 3, ..at };
+        assert_eq!(&*state.frames()[0], data.observation(before));
+    }
+}

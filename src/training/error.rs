@@ -1,0 +1,149 @@
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::trajectory::TrajectoryError;
+
+/// Why a training or an export did not come to its end.
+#[derive(Debug, Error)]
+pub enum TrainingError {
+    /// Fewer than two demonstrations: none could be held out.
+    #[error(
+        "training needs at least 2 demonstrations, one of them held out for validation; {found} given"
+    )]
+    TooFewDemonstrations {
+        /// How many there are.
+        found: usize,
+    },
+    /// No trajectory of the training part is long enough to hold a pair of states.
+    #[error(
+        "no demonstration of the {part} part has two steps, so there is no pair of states to learn from"
+    )]
+    NoPairs {
+        /// Which part.
+        part: &'static str,
+    },
+    /// Two sets show different cameras.
+    #[error(
+        "set '{set}' has the cameras {found}, set '{first_set}' has {expected}; one model needs the \
+         same cameras everywhere, so train them apart or record them alike"
+    )]
+    CamerasDiffer {
+        /// The first set.
+        first_set: String,
+        /// Its cameras, printed.
+        expected: String,
+        /// The set that differs.
+        set: String,
+        /// Its cameras, printed.
+        found: String,
+    },
+    /// Two sets have different action spaces.
+    #[error("set '{set}' has {found}, set '{first_set}' has {expected}; one model needs one action space")]
+    ActionSpacesDiffer {
+        /// The first set.
+        first_set: String,
+        /// Its space, printed.
+        expected: String,
+        /// The set that differs.
+        set: String,
+        /// Its space, printed.
+        found: String,
+    },
+    /// The action space has no classes to learn.
+    #[error(
+        "the actions of set '{set}' are {space}: cut them into bins first (`ActionSpace::binned`)"
+    )]
+    ActionsWithoutClasses {
+        /// The set.
+        set: String,
+        /// Its space, printed.
+        space: String,
+    },
+    /// A step's action or image does not fit its trajectory.
+    #[error("trajectory '{trajectory}', step {step}: {source}")]
+    Step {
+        /// The trajectory.
+        trajectory: String,
+        /// The step.
+        step: usize,
+        /// What does not fit.
+        source: TrajectoryError,
+    },
+    /// An image is not as large as its camera.
+    #[error(
+        "trajectory '{trajectory}', step {step}: camera '{camera}' shows {found}, its first image has {expected}"
+    )]
+    ImageSize {
+        /// The trajectory.
+        trajectory: String,
+        /// The step.
+        step: usize,
+        /// The camera.
+        camera: String,
+        /// Rows and columns of the camera.
+        expected: String,
+        /// Rows and columns of this image.
+        found: String,
+    },
+    /// A value of the configuration is out of its range.
+    #[error("training configuration: {field} is {value}, but {demand}")]
+    Config {
+        /// The field, with its section.
+        field: &'static str,
+        /// Its value, printed.
+        value: String,
+        /// What it has to be.
+        demand: &'static str,
+    },
+    /// The loss is no finite number any more.
+    #[error(
+        "the loss became {loss} at step {step}; lower the learning rate (it is {learning_rate}) and \
+         go on from the last checkpoint"
+    )]
+    Diverged {
+        /// The optimiser step.
+        step: u64,
+        /// The loss.
+        loss: f32,
+        /// The learning rate at that step.
+        learning_rate: f64,
+    },
+    /// The checkpoint cannot be read back.
+    #[error("the checkpoint {path} cannot be used: {reason}; delete it to start anew")]
+    CheckpointUnusable {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The checkpoint was written for other demonstrations or another configuration.
+    #[error(
+        "the checkpoint {path} belongs to another training: its {what} differ; use another run folder \
+         or delete it"
+    )]
+    CheckpointOfAnother {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        what: &'static str,
+    },
+    /// A file or folder could not be read or written.
+    #[error("cannot {action} {path}: {source}")]
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said, such as a full disk.
+        source: std::io::Error,
+    },
+    /// The observer asked to stop; the last checkpoint can be resumed.
+    #[error("stopped at step {step} as asked; the checkpoint in {run_folder} goes on from there")]
+    Stopped {
+        /// The last finished step.
+        step: u64,
+        /// Where the checkpoint is.
+        run_folder: PathBuf,
+    },
+}

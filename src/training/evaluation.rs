@@ -1,0 +1,325 @@
+//! How well a network does on held-out demonstrations, and the temperature that calibrates it.
+
+use burn::tensor::{Device, Tensor, TensorData};
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use super::batch::Pictures;
+use super::loss::{indices, near_class, near_class_weights};
+use super::network::FlowHead;
+use super::sampler::is_far;
+use super::{Dataset, LatentFlowNetwork, StateRef, TrainingConfig, TrainingError};
+use crate::model::ValidationMetrics;
+use crate::trajectory::State;
+
+/// Far pairs that are scored in a validation.
+const FAR_PAIRS: usize = 16_384;
+/// States that are encoded at once.
+const ENCODED_AT_ONCE: usize = 64;
+/// Pairs that are scored at once.
+const SCORED_AT_ONCE: usize = 4_096;
+/// Range of temperatures that are tried.
+const TEMPERATURES: (f64, f64) = (0.2, 5.0);
+
+/// The held-out states and a fixed choice of pairs among them.
+pub struct ValidationSet {
+    states: Vec<StateRef>,
+    pairs: Vec<(u32, u32)>,
+    classes: Vec<usize>,
+    weights: Vec<f32>,
+    near: usize,
+    /// For each policy pair its place in `pairs`.
+    policy: Vec<usize>,
+}
+
+/// What a validation found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Validation {
+    /// The figures.
+    pub metrics: ValidationMetrics,
+    /// The temperature that calibrates the traversability on the held-out pairs.
+    pub temperature: f32,
+    /// Lower is better: the traversability loss once it is calibrated, plus the share of wrong
+    /// actions. The policy's own cross-entropy is left out, since it rises long before the actions get
+    /// worse.
+    pub score: f64,
+}
+
+impl ValidationSet {
+    /// All near pairs of the held-out trajectories, and far pairs drawn uniformly.
+    ///
+    /// # Errors
+    /// [`TrainingError::NoPairs`] when no held-out trajectory has two steps.
+    pub fn new(
+        data: &Dataset,
+        trajectories: &[u32],
+        config: &TrainingConfig,
+    ) -> Result<Self, TrainingError> {
+        let states: Vec<StateRef> = data.states_of(trajectories).collect();
+        let (mut pairs, mut classes, mut policy) = (Vec::new(), Vec::new(), Vec::new());
+        for from in 0..states.len() {
+            for gap in 0..config.d_max {
+                let to = from + gap;
+                if to >= states.len() || states[to].trajectory != states[from].trajectory {
+                    break;
+                }
+                if gap > 0 {
+                    policy.push(pairs.len());
+                }
+                pairs.push((from as u32, to as u32));
+                classes.push(near_class(gap));
+            }
+        }
+        if policy.is_empty() {
+            return Err(TrainingError::NoPairs { part: "held-out" });
+        }
+        let near = pairs.len();
+        let by_class = near_class_weights(config.d_max, classes.iter().copied());
+        let mut weights: Vec<f32> = classes.iter().map(|c| by_class[*c]).collect();
+        let far = far_pairs(&states, config);
+        let weight = 0.5 * config.far_weight / far.len().max(1) as f32;
+        weights.resize(near + far.len(), weight);
+        classes.resize(near + far.len(), config.d_max - 1);
+        pairs.extend(far);
+        Ok(Self {
+            states,
+            pairs,
+            classes,
+            weights,
+            near,
+            policy,
+        })
+    }
+
+    /// Number of held-out states.
+    pub fn state_count(&self) -> usize {
+        self.states.len()
+    }
+
+    /// Tries a network that does not train (no stochastic depth, no dropout).
+    pub fn evaluate(
+        &self,
+        network: &LatentFlowNetwork,
+        data: &Dataset,
+        pictures: &Pictures,
+        config: &TrainingConfig,
+        device: &Device,
+    ) -> Validation {
+        let states: Vec<State> = self
+            .states
+            .iter()
+            .map(|at| data.state(*at, config.stack))
+            .collect();
+        let latents = encode(network, &states, pictures, device)
+            .expect("the dataset has every camera in every observation");
+        let logits = score(&network.traversability, &latents, &self.pairs, device);
+        let temperature = self.calibrate(&logits, config.d_max);
+        let mut metrics = self.traversability(&logits, config.d_max);
+        let calibrated = self.loss(&logits, config.d_max, temperature);
+        self.policy(network, &latents, data, device, &mut metrics);
+        Validation {
+            score: calibrated + 1.0 - metrics.policy_accuracy,
+            metrics,
+            temperature: temperature as f32,
+        }
+    }
+
+    fn loss(&self, logits: &[f32], d_max: usize, temperature: f64) -> f64 {
+        logits
+            .chunks_exact(d_max)
+            .zip(self.classes.iter().zip(&self.weights))
+            .map(|(row, (class, weight))| {
+                f64::from(*weight) * cross_entropy(row, *class, temperature)
+            })
+            .sum()
+    }
+
+    /// The temperature with the least loss, by golden sections of its logarithm: the loss has one
+    /// minimum in the inverse temperature.
+    fn calibrate(&self, logits: &[f32], d_max: usize) -> f64 {
+        let ratio = (5.0_f64.sqrt() - 1.0) / 2.0;
+        let (mut low, mut high) = (TEMPERATURES.0.ln(), TEMPERATURES.1.ln());
+        for _ in 0..24 {
+            let (left, right) = (high - ratio * (high - low), low + ratio * (high - low));
+            if self.loss(logits, d_max, left.exp()) < self.loss(logits, d_max, right.exp()) {
+                high = right;
+            } else {
+                low = left;
+            }
+        }
+        f64::midpoint(low, high).exp()
+    }
+
+    fn traversability(&self, logits: &[f32], d_max: usize) -> ValidationMetrics {
+        let (mut near_right, mut far_right) = (0_usize, 0_usize);
+        for (index, row) in logits.chunks_exact(d_max).enumerate() {
+            let right = largest(row) == self.classes[index];
+            if index < self.near {
+                near_right += usize::from(right);
+            } else {
+                far_right += usize::from(right);
+            }
+        }
+        let far = self.pairs.len() - self.near;
+        let near_share = near_right as f64 / self.near as f64;
+        let far_share = if far == 0 {
+            1.0
+        } else {
+            far_right as f64 / far as f64
+        };
+        ValidationMetrics {
+            traversability_loss: self.loss(logits, d_max, 1.0),
+            traversability_accuracy: f64::midpoint(near_share, far_share),
+            wormhole_rate: 1.0 - far_share,
+            ..ValidationMetrics::default()
+        }
+    }
+
+    fn policy(
+        &self,
+        network: &LatentFlowNetwork,
+        latents: &Tensor<2>,
+        data: &Dataset,
+        device: &Device,
+        metrics: &mut ValidationMetrics,
+    ) {
+        let pairs: Vec<_> = self.policy.iter().map(|p| self.pairs[*p]).collect();
+        let logits = score(&network.policy, latents, &pairs, device);
+        let heads = data.action_space().head_sizes();
+        let width = heads.iter().sum();
+        let (mut loss, mut right) = (0.0, 0_usize);
+        for ((from, _), row) in pairs.iter().zip(logits.chunks_exact(width)) {
+            let classes = data.classes(self.states[*from as usize]);
+            let mut start = 0;
+            for (head, class) in heads.iter().zip(classes) {
+                let part = &row[start..start + head];
+                loss += cross_entropy(part, *class, 1.0);
+                right += usize::from(largest(part) == *class);
+                start += head;
+            }
+        }
+        let count = (pairs.len() * heads.len()) as f64;
+        metrics.policy_loss = loss / count;
+        metrics.policy_accuracy = right as f64 / count;
+    }
+}
+
+fn far_pairs(states: &[StateRef], config: &TrainingConfig) -> Vec<(u32, u32)> {
+    let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
+    let mut pairs = Vec::with_capacity(FAR_PAIRS);
+    for _ in 0..FAR_PAIRS * 4 {
+        if pairs.len() == FAR_PAIRS {
+            break;
+        }
+        let (from, to) = (
+            rng.random_range(0..states.len()),
+            rng.random_range(0..states.len()),
+        );
+        if is_far(states[from], states[to], config.d_max) {
+            pairs.push((from as u32, to as u32));
+        }
+    }
+    pairs
+}
+
+/// Latents of states, `[states, latent_dim]`.
+pub fn encode(
+    network: &LatentFlowNetwork,
+    states: &[State],
+    pictures: &Pictures,
+    device: &Device,
+) -> Result<Tensor<2>, crate::trajectory::TrajectoryError> {
+    let parts = states
+        .chunks(ENCODED_AT_ONCE)
+        .map(|chunk| {
+            let patches = pictures.patches(chunk, None)?;
+            let tensors = pictures.tensors(patches, chunk.len(), device);
+            Ok(network.encode(tensors, None))
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    Ok(Tensor::cat(parts, 0))
+}
+
+/// Logits of pairs of rows of `latents`, pair after pair.
+pub fn score(
+    head: &FlowHead,
+    latents: &Tensor<2>,
+    pairs: &[(u32, u32)],
+    device: &Device,
+) -> Vec<f32> {
+    let (from, to) = head.project(latents.clone());
+    let mut logits = Vec::new();
+    for chunk in pairs.chunks(SCORED_AT_ONCE) {
+        let rows = |pick: fn(&(u32, u32)) -> u32| -> Vec<i32> {
+            chunk.iter().map(|p| pick(p) as i32).collect()
+        };
+        let left = from.clone().select(0, indices(&rows(|p| p.0), device));
+        let reached = to.clone().select(0, indices(&rows(|p| p.1), device));
+        logits.extend(values(head.score(left, reached, None)));
+    }
+    logits
+}
+
+/// A tensor's values, row-major.
+pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+    let data: TensorData = tensor.into_data().convert::<f32>();
+    data.try_to_vec().expect("converted to f32")
+}
+
+fn cross_entropy(logits: &[f32], class: usize, temperature: f64) -> f64 {
+    let scaled = |logit: f32| f64::from(logit) / temperature;
+    let top = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    let sum: f64 = logits.iter().map(|l| (scaled(*l) - scaled(top)).exp()).sum();
+    sum.ln() + scaled(top) - scaled(logits[class])
+}
+
+fn largest(logits: &[f32]) -> usize {
+    let mut best = 0;
+    for (index, logit) in logits.iter().enumerate() {
+        if *logit > logits[best] {
+            best = index;
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::training::synthetic;
+
+    fn set() -> (Dataset, ValidationSet) {
+        let data = Dataset::new(&[synthetic::demonstrations("a", 3, 12, 1)]).unwrap();
+        let set = ValidationSet::new(&data, &[0, 2], &TrainingConfig::default()).unwrap();
+        (data, set)
+    }
+
+    #[test]
+    fn pairs_are_all_near_ones_and_as_much_weight_of_far_ones_as_beta_says() {
+        let (_, set) = set();
+        assert_eq!(set.near, 2 * (12 + 11 + 10 + 9 + 8));
+        assert_eq!(set.policy.len(), 2 * (11 + 10 + 9 + 8));
+        let near: f32 = set.weights[..set.near].iter().sum();
+        let far: f32 = set.weights[set.near..].iter().sum();
+        assert!((near - 0.5).abs() < 1e-4 && (far - 2.5).abs() < 1e-2, "{near} {far}");
+    }
+
+    #[test]
+    fn overconfident_logits_are_calibrated_by_a_temperature_above_one() {
+        let (_, set) = set();
+        // Right three times out of four, but with logits that claim to be almost always right.
+        let logits: Vec<f32> = (set.classes.iter().enumerate())
+            .flat_map(|(index, class)| {
+                let said = if index % 4 == 0 { (class + 1) % 5 } else { *class };
+                (0..5).map(move |c| if c == said { 9.0 } else { 0.0 })
+            })
+            .collect();
+        let temperature = set.calibrate(&logits, 5);
+        assert!(temperature > 2.0, "{temperature}");
+        assert!(set.loss(&logits, 5, temperature) < set.loss(&logits, 5, 1.0));
+        let metrics = set.traversability(&logits, 5);
+        assert!((metrics.traversability_accuracy - 0.75).abs() < 0.02);
+        assert!((metrics.wormhole_rate - 0.25).abs() < 0.02);
+    }
+}

@@ -1,0 +1,144 @@
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::Path;
+
+use super::graphs;
+use crate::model::{
+    ENCODER_FILE, MANIFEST_FILE, MODEL_FORMAT_VERSION, ModelManifest, POLICY_FILE, PROJECTION_FILE,
+    TRAVERSABILITY_FILE, TrainingRecord, sha256_hex,
+};
+use crate::training::{TrainedModel, TrainingError};
+
+/// Writes a model as ONNX files with a manifest, and returns the manifest.
+///
+/// A new folder is written beside its place and renamed, so it appears complete or not at all. In a
+/// folder that is there each file is replaced as a whole, the manifest last; a crash in between is
+/// noticed when the model is loaded, since the digests then disagree. `datasets` are digests of the
+/// demonstrations by the name of their set; they are kept in the manifest.
+///
+/// # Errors
+/// [`TrainingError::Io`] when a file cannot be written.
+pub fn export(
+    model: &TrainedModel,
+    datasets: BTreeMap<String, String>,
+    folder: &Path,
+) -> Result<ModelManifest, TrainingError> {
+    let files = [
+        (ENCODER_FILE, graphs::encoder(model)),
+        (PROJECTION_FILE, graphs::projection(model)),
+        (TRAVERSABILITY_FILE, graphs::traversability(model)),
+        (POLICY_FILE, graphs::policy(model)),
+    ];
+    let manifest = manifest(model, datasets, &files);
+    let new = !folder.exists();
+    let target = if new { beside(folder) } else { folder.to_owned() };
+    std::fs::create_dir_all(&target).map_err(failed("create", &target))?;
+    for (name, bytes) in &files {
+        write_beside(&target.join(name), bytes)?;
+    }
+    write_beside(&target.join(MANIFEST_FILE), &manifest.to_json())?;
+    if new {
+        std::fs::rename(&target, folder).map_err(failed("rename", &target))?;
+    }
+    Ok(manifest)
+}
+
+fn manifest(
+    model: &TrainedModel,
+    datasets: BTreeMap<String, String>,
+    files: &[(&str, Vec<u8>)],
+) -> ModelManifest {
+    ModelManifest {
+        format_version: MODEL_FORMAT_VERSION,
+        spec: model.spec.clone(),
+        projection_width: model.config.network.projection_width,
+        temperature: model.temperature,
+        files: files
+            .iter()
+            .map(|(name, bytes)| ((*name).to_owned(), sha256_hex(bytes)))
+            .collect(),
+        training: TrainingRecord {
+            config: serde_json::to_value(&model.config).expect("a configuration has a JSON form"),
+            seed: model.config.seed,
+            step: model.step,
+            datasets,
+            validation: model.metrics.clone(),
+        },
+    }
+}
+
+/// Writes a file beside its place, hands it to the disk and renames it, so that a reader sees the old
+/// contents or the new, never a part.
+///
+/// # Errors
+/// [`TrainingError::Io`].
+pub fn write_beside(path: &Path, bytes: &[u8]) -> Result<(), TrainingError> {
+    let temporary = beside(path);
+    let written = std::fs::File::create(&temporary).and_then(|mut file| {
+        file.write_all(bytes)?;
+        file.sync_all()
+    });
+    if let Err(source) = written {
+        // What was written of it is of no use to anybody.
+        let _ = std::fs::remove_file(&temporary);
+        return Err(failed("write", path)(source));
+    }
+    std::fs::rename(&temporary, path).map_err(failed("rename to", path))
+}
+
+fn beside(path: &Path) -> std::path::PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".partial");
+    path.with_file_name(name)
+}
+
+fn failed<'a>(
+    action: &'static str,
+    path: &'a Path,
+) -> impl FnOnce(std::io::Error) -> TrainingError + 'a {
+    move |source| TrainingError::Io {
+        action,
+        path: path.to_owned(),
+        source,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::training::{Dataset, Preset, synthetic};
+
+    fn model(seed: u64) -> TrainedModel {
+        let data = Dataset::new(&[synthetic::demonstrations("a", 2, 8, 3)]).unwrap();
+        let mut config = Preset::Tiny.config();
+        config.seed = seed;
+        TrainedModel::untrained(&data, &config)
+    }
+
+    #[test]
+    fn an_exported_folder_is_complete_and_its_digests_hold() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("model");
+        for seed in [1, 2] {
+            let manifest = export(&model(seed), BTreeMap::new(), &folder).unwrap();
+            let read = std::fs::read(folder.join(MANIFEST_FILE)).unwrap();
+            assert_eq!(ModelManifest::from_json(&read).unwrap(), manifest);
+            assert_eq!(manifest.files.len(), 4);
+            for file in manifest.files.keys() {
+                let bytes = std::fs::read(folder.join(file)).unwrap();
+                manifest.verify(file, &bytes).unwrap();
+            }
+            assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 5);
+            assert_eq!(std::fs::read_dir(place.path()).unwrap().count(), 1);
+        }
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_is_named() {
+        let place = tempfile::tempdir().unwrap();
+        let blocked = place.path().join("file");
+        std::fs::write(&blocked, "in the way").unwrap();
+        let error = export(&model(1), BTreeMap::new(), &blocked.join("model")).unwrap_err();
+        assert!(matches!(error, TrainingError::Io { .. }), "{error}");
+    }
+}

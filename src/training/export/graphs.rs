@@ -1,0 +1,202 @@
+use burn::tensor::Tensor;
+
+use super::onnx::{Attribute, OnnxGraph};
+use crate::training::TrainedModel;
+use crate::training::evaluation::values;
+use crate::training::network::{CameraEncoder, Dense, FlowHead, ResidualBlock};
+use crate::training::patches::PatchGrid;
+
+/// `encoder.onnx`: raw pixel values of each camera to the latent. Normalisation is inside.
+pub fn encoder(model: &TrainedModel) -> Vec<u8> {
+    let mut graph = OnnxGraph::default();
+    let pictures = model.pictures();
+    let mut latents = Vec::new();
+    for (camera, encoder) in model.network.encoders.iter().enumerate() {
+        let grid = &pictures.grids[camera];
+        let channels = 3 * grid.stack;
+        let dims = [channels, grid.height, grid.width];
+        let input = graph.input(&pictures.names[camera], &dims);
+        let normalisation = &model.normalisation[camera];
+        let of_channels = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
+            (0..channels).map(|c| value(c % 3)).collect()
+        };
+        let shape = [1, channels, 1, 1];
+        let mean = graph.constant(&shape, &of_channels(&|c| normalisation.mean[c]));
+        let deviation = graph.constant(&shape, &of_channels(&|c| normalisation.deviation[c]));
+        let centred = graph.node("Sub", &[&input, &mean], &[]);
+        let normalised = graph.node("Div", &[&centred, &deviation], &[]);
+        latents.push(camera_encoder(&mut graph, encoder, grid, &normalised));
+    }
+    let names: Vec<&str> = latents.iter().map(String::as_str).collect();
+    let latent = match names.as_slice() {
+        [one] => (*one).to_owned(),
+        _ => graph.node("Concat", &names, &[Attribute::Int("axis", 1)]),
+    };
+    graph.output("latent", &latent, &[model.spec.latent_dim]);
+    graph.into_model("encoder")
+}
+
+fn camera_encoder(
+    graph: &mut OnnxGraph,
+    encoder: &CameraEncoder,
+    grid: &PatchGrid,
+    input: &str,
+) -> String {
+    let stem = stem(graph, &encoder.stem, grid, input);
+    let mut x = graph.node("Relu", &[&stem], &[]);
+    for stage in &encoder.stages {
+        let merged = merge(graph, &stage.merge, &x);
+        let merged = graph.node("Relu", &[&merged], &[]);
+        x = residual_block(graph, &stage.block, &merged);
+    }
+    let flat = graph.node("Flatten", &[&x], &[Attribute::Int("axis", 1)]);
+    latent(graph, encoder, &flat)
+}
+
+/// The first layer: a matrix over patches while training, here the same as a convolution.
+fn stem(graph: &mut OnnxGraph, stem: &Dense, grid: &PatchGrid, input: &str) -> String {
+    let [_, channels] = stem.weight.val().dims();
+    let shape = [channels, 3 * grid.stack, grid.kernel, grid.kernel];
+    let weight = graph.constant(&shape, &values(stem.weight.val().transpose()));
+    let bias = graph.constant(&[channels], &values(stem.bias.val()));
+    graph.node(
+        "Conv",
+        &[input, &weight, &bias],
+        &[
+            Attribute::Ints("kernel_shape", &[grid.kernel; 2]),
+            Attribute::Ints("strides", &[grid.stride; 2]),
+            Attribute::Ints("pads", &grid.padding()),
+        ],
+    )
+}
+
+/// Four cells to one: a 2x2 convolution of stride 2.
+fn merge(graph: &mut OnnxGraph, merge: &Dense, input: &str) -> String {
+    let [inputs, channels] = merge.weight.val().dims();
+    let filters: Tensor<4> = merge
+        .weight
+        .val()
+        .reshape([2, 2, inputs / 4, channels])
+        .permute([3, 2, 0, 1]);
+    convolution(graph, filters, merge.bias.val(), 2, 0, input)
+}
+
+fn residual_block(graph: &mut OnnxGraph, block: &ResidualBlock, input: &str) -> String {
+    let neighbours = &block.neighbours;
+    let bias = neighbours.bias.val();
+    let seen = convolution(graph, neighbours.filters(), bias, 1, 1, input);
+    let seen = graph.node("Relu", &[&seen], &[]);
+    let [channels, _] = block.cell.weight.val().dims();
+    let filters: Tensor<4> = block
+        .cell
+        .weight
+        .val()
+        .transpose()
+        .reshape([channels, channels, 1, 1]);
+    let branch = convolution(graph, filters, block.cell.bias.val(), 1, 0, &seen);
+    let sum = graph.node("Add", &[input, &branch], &[]);
+    graph.node("Relu", &[&sum], &[])
+}
+
+fn convolution(
+    graph: &mut OnnxGraph,
+    filters: Tensor<4>,
+    bias: Tensor<1>,
+    stride: usize,
+    padding: usize,
+    input: &str,
+) -> String {
+    let shape = filters.dims();
+    let weight = graph.constant(&shape, &values(filters));
+    let bias = graph.constant(&[shape[0]], &values(bias));
+    graph.node(
+        "Conv",
+        &[input, &weight, &bias],
+        &[
+            Attribute::Ints("kernel_shape", &shape[2..]),
+            Attribute::Ints("strides", &[stride; 2]),
+            Attribute::Ints("pads", &[padding; 4]),
+        ],
+    )
+}
+
+/// The layer that makes the latent. Burn flattens channels last, ONNX channels first.
+fn latent(graph: &mut OnnxGraph, encoder: &CameraEncoder, flat: &str) -> String {
+    let [inputs, outputs] = encoder.latent.weight.val().dims();
+    let cells = (encoder.rows * encoder.columns) >> (2 * encoder.stages.len());
+    let weight: Tensor<3> = encoder
+        .latent
+        .weight
+        .val()
+        .reshape([cells, inputs / cells, outputs])
+        .swap_dims(0, 1);
+    let weight = graph.constant(&[inputs, outputs], &values(weight));
+    let bias = graph.constant(&[outputs], &values(encoder.latent.bias.val()));
+    graph.node("Gemm", &[flat, &weight, &bias], &[])
+}
+
+fn dense(graph: &mut OnnxGraph, dense: &Dense, input: &str) -> String {
+    let shape = dense.weight.val().dims();
+    let weight = graph.constant(&shape, &values(dense.weight.val()));
+    let bias = graph.constant(&[shape[1]], &values(dense.bias.val()));
+    graph.node("Gemm", &[input, &weight, &bias], &[])
+}
+
+/// `projection.onnx`: a latent to what it brings to the first layer of the traversability head.
+pub fn projection(model: &TrainedModel) -> Vec<u8> {
+    let mut graph = OnnxGraph::default();
+    let latent = graph.input("latent", &[model.spec.latent_dim]);
+    let (from, to) = project(&mut graph, &model.network.traversability, &latent, &latent);
+    let width = model.config.network.projection_width;
+    graph.output("from", &from, &[width]);
+    graph.output("to", &to, &[width]);
+    graph.into_model("projection")
+}
+
+/// `traversability.onnx`: projections of two states to logits.
+pub fn traversability(model: &TrainedModel) -> Vec<u8> {
+    let mut graph = OnnxGraph::default();
+    let width = model.config.network.projection_width;
+    let from = graph.input("from", &[width]);
+    let to = graph.input("to", &[width]);
+    let logits = score(&mut graph, &model.network.traversability, &from, &to);
+    graph.output("logits", &logits, &[model.spec.d_max]);
+    graph.into_model("traversability")
+}
+
+/// `policy.onnx`: latents of two states to logits of the action classes.
+pub fn policy(model: &TrainedModel) -> Vec<u8> {
+    let mut graph = OnnxGraph::default();
+    let from = graph.input("from", &[model.spec.latent_dim]);
+    let goal = graph.input("goal", &[model.spec.latent_dim]);
+    let (from, to) = project(&mut graph, &model.network.policy, &from, &goal);
+    let logits = score(&mut graph, &model.network.policy, &from, &to);
+    let classes = model.spec.action_space.head_sizes().iter().sum();
+    graph.output("logits", &logits, &[classes]);
+    graph.into_model("policy")
+}
+
+fn project(
+    graph: &mut OnnxGraph,
+    head: &FlowHead,
+    left: &str,
+    reached: &str,
+) -> (String, String) {
+    let (from, to) = head.split();
+    let shape = from.dims();
+    let from = graph.constant(&shape, &values(from));
+    let to = graph.constant(&shape, &values(to));
+    let bias = graph.constant(&[shape[1]], &values(head.bias.val()));
+    (
+        graph.node("Gemm", &[left, &from, &bias], &[]),
+        graph.node("MatMul", &[reached, &to], &[]),
+    )
+}
+
+fn score(graph: &mut OnnxGraph, head: &FlowHead, from: &str, to: &str) -> String {
+    let sum = graph.node("Add", &[from, to], &[]);
+    let first = graph.node("Relu", &[&sum], &[]);
+    let hidden = dense(graph, &head.hidden, &first);
+    let hidden = graph.node("Relu", &[&hidden], &[]);
+    dense(graph, &head.output, &hidden)
+}

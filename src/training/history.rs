@@ -1,0 +1,127 @@
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use super::{StepLosses, TrainingError};
+use crate::model::ValidationMetrics;
+
+const HEADER: &str = "step,learning_rate,total,near,far,policy,validation_traversability_loss,\
+validation_traversability_accuracy,validation_wormhole_rate,validation_policy_loss,\
+validation_policy_accuracy\n";
+
+/// The losses of a training as `losses.csv` in its run folder, a row a step.
+pub struct History {
+    path: PathBuf,
+    file: BufWriter<File>,
+}
+
+impl History {
+    /// Opens the file; rows beyond `step`, which a killed run may have left, are dropped.
+    ///
+    /// # Errors
+    /// [`TrainingError::Io`].
+    pub fn open(run_folder: &Path, step: u64) -> Result<Self, TrainingError> {
+        let path = run_folder.join("losses.csv");
+        let kept = fs::read_to_string(&path).unwrap_or_default();
+        let mut text = String::from(HEADER);
+        for line in kept.lines().skip(1) {
+            let number = line.split(',').next().and_then(|n| n.parse::<u64>().ok());
+            if line.matches(',').count() == 10 && number.is_some_and(|n| n <= step) {
+                text.push_str(line);
+                text.push('\n');
+            }
+        }
+        let failed = |source| TrainingError::Io {
+            action: "write",
+            path: path.clone(),
+            source,
+        };
+        let mut file = BufWriter::new(File::create(&path).map_err(failed)?);
+        file.write_all(text.as_bytes()).map_err(failed)?;
+        Ok(Self { path, file })
+    }
+
+    /// Adds a row; `validation` where this step was followed by one.
+    ///
+    /// # Errors
+    /// [`TrainingError::Io`].
+    pub fn add(
+        &mut self,
+        step: u64,
+        learning_rate: f64,
+        losses: &StepLosses,
+        validation: Option<&ValidationMetrics>,
+    ) -> Result<(), TrainingError> {
+        let StepLosses {
+            total,
+            near,
+            far,
+            policy,
+        } = losses;
+        let tail = validation.map_or_else(
+            || ",,,,".to_owned(),
+            |v| {
+                format!(
+                    "{:.5},{:.5},{:.5},{:.5},{:.5}",
+                    v.traversability_loss,
+                    v.traversability_accuracy,
+                    v.wormhole_rate,
+                    v.policy_loss,
+                    v.policy_accuracy
+                )
+            },
+        );
+        writeln!(
+            self.file,
+            "{step},{learning_rate:.3e},{total:.5},{near:.5},{far:.5},{policy:.5},{tail}"
+        )
+        .and_then(|()| match validation {
+            Some(_) => self.file.flush(),
+            None => Ok(()),
+        })
+        .map_err(|source| TrainingError::Io {
+            action: "write",
+            path: self.path.clone(),
+            source,
+        })
+    }
+
+    /// Hands all rows to the system.
+    ///
+    /// # Errors
+    /// [`TrainingError::Io`].
+    pub fn flush(&mut self) -> Result<(), TrainingError> {
+        self.file.flush().map_err(|source| TrainingError::Io {
+            action: "write",
+            path: self.path.clone(),
+            source,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_after_the_checkpoint_and_torn_rows_are_dropped() {
+        let folder = tempfile::tempdir().unwrap();
+        let losses = StepLosses::default();
+        let mut history = History::open(folder.path(), 0).unwrap();
+        for step in 1..=4 {
+            history.add(step, 1e-3, &losses, None).unwrap();
+        }
+        history.flush().unwrap();
+        let path = folder.path().join("losses.csv");
+        let torn = fs::read_to_string(&path).unwrap() + "2,1e-3,0.1";
+        fs::write(&path, torn).unwrap();
+
+        let mut history = History::open(folder.path(), 3).unwrap();
+        let metrics = ValidationMetrics::default();
+        history.add(4, 1e-3, &losses, Some(&metrics)).unwrap();
+        let text = fs::read_to_string(&path).unwrap();
+        let steps: Vec<_> = text.lines().skip(1).map(|l| &l[..1]).collect();
+        assert_eq!(steps, ["1", "2", "3", "4"]);
+        assert!(text.ends_with("0.00000\n"));
+    }
+}

@@ -1,0 +1,134 @@
+use burn::module::Module;
+use burn::tensor::Tensor;
+use burn::tensor::activation::relu;
+
+use super::{Dense, Initialiser, StandardisedConvolution};
+use crate::training::EncoderConfig;
+use crate::training::patches::PatchGrid;
+
+/// Variance of a residual branch's last weights at the start, so that a block begins close to passing
+/// its input on.
+const BRANCH_GAIN: f64 = 0.25;
+
+/// The small ResNet of one camera. Feature maps are `[n, rows, columns, channels]`.
+///
+/// Its last feature map is flattened into the latent, cell by cell: where a thing is matters for
+/// control. What changes the size of a map are layers over patches that do not overlap, which are
+/// plain matrix products and by far the fastest on a CPU; neighbours are looked at in the residual
+/// blocks.
+#[derive(Module, Debug)]
+pub struct CameraEncoder {
+    /// The first layer, on patches of the stacked frames.
+    pub stem: Dense,
+    /// Each halves rows and columns.
+    pub stages: Vec<Stage>,
+    /// From all cells of the last feature map to the latent.
+    pub latent: Dense,
+    /// Rows of patches.
+    pub rows: usize,
+    /// Columns of patches.
+    pub columns: usize,
+}
+
+/// A layer that halves rows and columns, and a residual block.
+#[derive(Module, Debug)]
+pub struct Stage {
+    /// From four neighbouring cells (`[row, column, channel]`) to one.
+    pub merge: Dense,
+    /// Works on the smaller map.
+    pub block: ResidualBlock,
+}
+
+/// A 3x3 convolution and a layer on each cell, whose result is added to their input.
+#[derive(Module, Debug)]
+pub struct ResidualBlock {
+    /// Looks at the neighbours of a cell.
+    pub neighbours: StandardisedConvolution,
+    /// Mixes the channels of a cell.
+    pub cell: Dense,
+}
+
+impl CameraEncoder {
+    /// An encoder with random weights.
+    pub fn new(grid: &PatchGrid, config: &EncoderConfig, init: &mut Initialiser) -> Self {
+        let stem = Dense::new(grid.patch_len(), config.stem_channels, 2.0, init);
+        let mut channels = config.stem_channels;
+        let mut stages = Vec::new();
+        for wider in &config.stage_channels {
+            stages.push(Stage {
+                merge: Dense::new(4 * channels, *wider, 2.0, init),
+                block: ResidualBlock::new(*wider, init),
+            });
+            channels = *wider;
+        }
+        let cells = grid.positions() >> (2 * stages.len());
+        Self {
+            stem,
+            stages,
+            latent: Dense::new(cells * channels, config.latent_dim, 1.0, init),
+            rows: grid.rows(),
+            columns: grid.columns(),
+        }
+    }
+
+    /// Patches `[n, positions, patch_len]` to latents `[n, latent_dim]`. A mask of a block is 0 for
+    /// the states that skip it.
+    #[must_use]
+    pub fn forward(&self, patches: Tensor<3>, masks: Option<&[Tensor<4>]>) -> Tensor<2> {
+        let [n, positions, patch_len] = patches.dims();
+        let stem = self
+            .stem
+            .forward(patches.reshape([n * positions, patch_len]));
+        let channels = stem.dims()[1];
+        let mut x = relu(stem).reshape([n, self.rows, self.columns, channels]);
+        for (index, stage) in self.stages.iter().enumerate() {
+            x = stage.merge(x);
+            x = stage.block.forward(x, masks.map(|m| m[index].clone()));
+        }
+        let [n, rows, columns, channels] = x.dims();
+        self.latent.forward(x.reshape([n, rows * columns * channels]))
+    }
+}
+
+impl Stage {
+    fn merge(&self, x: Tensor<4>) -> Tensor<4> {
+        let [n, rows, columns, channels] = x.dims();
+        let (rows, columns) = (rows / 2, columns / 2);
+        let cells = x
+            .reshape([n * rows, 2, columns, 2 * channels])
+            .swap_dims(1, 2)
+            .reshape([n * rows * columns, 4 * channels]);
+        let merged = relu(self.merge.forward(cells));
+        let wider = merged.dims()[1];
+        merged.reshape([n, rows, columns, wider])
+    }
+}
+
+impl ResidualBlock {
+    /// A block with random weights.
+    pub fn new(channels: usize, init: &mut Initialiser) -> Self {
+        Self {
+            neighbours: StandardisedConvolution::new(channels, channels, init),
+            cell: Dense::new(channels, channels, BRANCH_GAIN, init),
+        }
+    }
+
+    /// `relu(x + mask * cell(relu(neighbours(x))))`.
+    #[must_use]
+    pub fn forward(&self, x: Tensor<4>, mask: Option<Tensor<4>>) -> Tensor<4> {
+        let [n, rows, columns, channels] = x.dims();
+        let seen = relu(self.neighbours.forward(x.clone().permute([0, 3, 1, 2])));
+        let cells = seen
+            .permute([0, 2, 3, 1])
+            .reshape([n * rows * columns, channels]);
+        let branch = self
+            .cell
+            .forward(cells)
+            .reshape([n, rows, columns, channels]);
+        let branch = match mask {
+            Some(mask) => branch * mask,
+            None => branch,
+        };
+        relu(x + branch)
+    }
+}

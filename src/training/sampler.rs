@@ -1,0 +1,330 @@
+//! Which states are encoded in a step, and which pairs of them are scored.
+//!
+//! The paper draws pairs: half of them near (same trajectory, `0 <= t' - t < d_max`, every
+//! traversability class as often as the others), half of them far, uniformly at random (section
+//! III-C). Encoding is what costs, so here a batch is `states` states, encoded once, and the pairs
+//! are drawn among them such that the expected loss stays the paper's:
+//!
+//! - States come in windows of `window` consecutive steps. A window may hang over either end of its
+//!   trajectory and is then cut, and a trajectory is drawn in proportion to its number of windows. So
+//!   every state is covered by exactly `window` windows and every pair of neighbours `k` steps apart
+//!   by exactly `window - k` of them, wherever it lies.
+//! - Near pairs are all pairs within a window. Within a class each has the same chance, so their mean
+//!   estimates the class's mean; the classes are then weighted alike.
+//! - Far pairs join states of different windows. These were drawn independently and every state is
+//!   equally likely, so the pair is uniform over all ordered pairs; near ones are drawn again.
+//!
+//! The expectation is the same up to the usual small bias of a mean over a random number of pairs.
+//! Optional hard pairs (look-alikes of the same trajectory, and pairs backward in time) are additional
+//! and have a weight of their own.
+
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+
+use super::look_alikes::LookAlikes;
+use super::{Dataset, SamplingConfig, StateRef, TrainingError};
+
+/// Two states of a batch that are few steps apart, `from` before `to`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NearPair {
+    /// Row of the earlier state.
+    pub from: usize,
+    /// Row of the later state, or the same.
+    pub to: usize,
+    /// Steps from one to the other, below `d_max`.
+    pub gap_steps: usize,
+}
+
+/// A batch as drawn: states, and pairs of rows of these states.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Draw {
+    /// The states; their index is their row.
+    pub states: Vec<StateRef>,
+    /// Number of the window that each state was drawn with.
+    pub window_of: Vec<usize>,
+    /// All near pairs within windows.
+    pub near: Vec<NearPair>,
+    /// Ordered far pairs, uniformly at random.
+    pub far: Vec<(usize, usize)>,
+    /// Ordered far pairs that are hard to tell from near ones.
+    pub hard: Vec<(usize, usize)>,
+}
+
+/// Draws batches from some trajectories of a dataset.
+#[derive(Clone)]
+pub struct Sampler {
+    trajectories: Vec<(u32, usize)>,
+    config: SamplingConfig,
+    d_max: usize,
+    look_alikes: LookAlikes,
+}
+
+impl Sampler {
+    /// A sampler over `trajectories` of `data`.
+    ///
+    /// # Errors
+    /// [`TrainingError::NoPairs`] when none of them has two steps.
+    pub fn new(
+        data: &Dataset,
+        trajectories: &[u32],
+        config: &SamplingConfig,
+        d_max: usize,
+    ) -> Result<Self, TrainingError> {
+        let trajectories: Vec<_> = trajectories.iter().map(|t| (*t, data.steps(*t))).collect();
+        if trajectories.iter().all(|(_, steps)| *steps < 2) {
+            return Err(TrainingError::NoPairs { part: "training" });
+        }
+        let look_alikes = if config.look_alike_share > 0.0 {
+            LookAlikes::find(data, &trajectories, d_max)
+        } else {
+            LookAlikes::default()
+        };
+        Ok(Self {
+            trajectories,
+            config: config.clone(),
+            d_max,
+            look_alikes,
+        })
+    }
+
+    /// Draws a batch.
+    pub fn draw(&self, rng: &mut ChaCha8Rng) -> Draw {
+        let partners = (self.config.states as f64 * self.config.look_alike_share) as usize;
+        let plain = (self.config.states - partners).max(2 * self.config.window);
+        let mut draw = Draw::default();
+        let mut windows = 0;
+        while draw.states.len() < plain {
+            let length = self.config.window.min(plain - draw.states.len());
+            let (trajectory, steps) = self.window(length, rng);
+            for step in steps {
+                draw.states.push(StateRef { trajectory, step });
+                draw.window_of.push(windows);
+            }
+            windows += 1;
+        }
+        self.pair_within_windows(&mut draw);
+        self.pair_across_windows(&mut draw, rng);
+        self.add_look_alikes(&mut draw, &mut windows, rng);
+        draw
+    }
+
+    /// A window that may hang over either end, cut to its trajectory.
+    fn window(&self, length: usize, rng: &mut ChaCha8Rng) -> (u32, std::ops::Range<u32>) {
+        let places = |steps: usize| steps + length - 1;
+        let total: usize = self.trajectories.iter().map(|(_, s)| places(*s)).sum();
+        let mut place = rng.random_range(0..total);
+        for (trajectory, steps) in &self.trajectories {
+            if place < places(*steps) {
+                let first = (place + 1).saturating_sub(length);
+                let end = (place + 1).min(*steps);
+                return (*trajectory, first as u32..end as u32);
+            }
+            place -= places(*steps);
+        }
+        unreachable!("the place is below the total")
+    }
+
+    fn pair_within_windows(&self, draw: &mut Draw) {
+        for from in 0..draw.states.len() {
+            for to in from..draw.states.len() {
+                if draw.window_of[to] != draw.window_of[from] {
+                    break;
+                }
+                let gap_steps = to - from;
+                if gap_steps < self.d_max {
+                    draw.near.push(NearPair {
+                        from,
+                        to,
+                        gap_steps,
+                    });
+                }
+                if gap_steps > 0 && self.config.hard_share > 0.0 {
+                    draw.hard.push((to, from));
+                }
+            }
+        }
+    }
+
+    fn pair_across_windows(&self, draw: &mut Draw, rng: &mut ChaCha8Rng) {
+        let states = draw.states.len();
+        // A dataset of one short trajectory may have no far pair at all, so the tries are limited.
+        for _ in 0..self.config.far_pairs * 4 {
+            if draw.far.len() == self.config.far_pairs {
+                break;
+            }
+            let pair = (rng.random_range(0..states), rng.random_range(0..states));
+            if draw.window_of[pair.0] != draw.window_of[pair.1]
+                && is_far(draw.states[pair.0], draw.states[pair.1], self.d_max)
+            {
+                draw.far.push(pair);
+            }
+        }
+    }
+
+    fn add_look_alikes(&self, draw: &mut Draw, windows: &mut usize, rng: &mut ChaCha8Rng) {
+        let plain = draw.states.len();
+        let length = self.config.window.div_ceil(2);
+        for _ in 0..self.config.states {
+            let left = self.config.states.saturating_sub(draw.states.len());
+            if left == 0 || self.look_alikes.is_empty() {
+                break;
+            }
+            let anchor = rng.random_range(0..plain);
+            let Some(twin) = self.look_alikes.one_of(draw.states[anchor], rng) else {
+                continue;
+            };
+            let steps = self.steps_of(twin.trajectory);
+            let first = (twin.step as usize).saturating_sub(length / 2);
+            let end = (first + length.min(left)).min(steps);
+            let rows = draw.states.len()..draw.states.len() + (end - first);
+            for step in first..end {
+                draw.states.push(StateRef {
+                    trajectory: twin.trajectory,
+                    step: step as u32,
+                });
+                draw.window_of.push(*windows);
+            }
+            *windows += 1;
+            for row in (0..plain).filter(|r| draw.window_of[*r] == draw.window_of[anchor]) {
+                for other in rows.clone() {
+                    for pair in [(row, other), (other, row)] {
+                        if is_far(draw.states[pair.0], draw.states[pair.1], self.d_max) {
+                            draw.hard.push(pair);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn steps_of(&self, trajectory: u32) -> usize {
+        self.trajectories
+            .iter()
+            .find(|(t, _)| *t == trajectory)
+            .map_or(0, |(_, steps)| *steps)
+    }
+}
+
+/// Whether a pair is Case 2 of section III-C.
+#[must_use]
+pub fn is_far(from: StateRef, to: StateRef, d_max: usize) -> bool {
+    from.trajectory != to.trajectory
+        || to.step < from.step
+        || (to.step - from.step) as usize >= d_max
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashMap;
+
+    use rand_chacha::rand_core::SeedableRng;
+
+    use super::*;
+    use crate::training::synthetic;
+
+    fn data() -> Dataset {
+        Dataset::new(&[
+            synthetic::demonstrations("a", 3, 20, 1),
+            synthetic::demonstrations("b", 2, 9, 2),
+        ])
+        .unwrap()
+    }
+
+    fn sampler(config: &SamplingConfig) -> Sampler {
+        let data = data();
+        Sampler::new(&data, &[0, 1, 2, 3, 4], config, 5).unwrap()
+    }
+
+    fn draws(config: &SamplingConfig, count: u64) -> Vec<Draw> {
+        let sampler = sampler(config);
+        (0..count)
+            .map(|step| {
+                let mut rng = ChaCha8Rng::seed_from_u64(9);
+                rng.set_stream(step);
+                sampler.draw(&mut rng)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn pairs_are_what_their_kind_says() {
+        let config = SamplingConfig {
+            look_alike_share: 0.25,
+            hard_share: 0.3,
+            ..SamplingConfig::default()
+        };
+        for draw in draws(&config, 20) {
+            assert_eq!(draw.states.len(), config.states);
+            assert_eq!(draw.far.len(), config.far_pairs);
+            assert!(!draw.hard.is_empty());
+            for pair in &draw.near {
+                let (from, to) = (draw.states[pair.from], draw.states[pair.to]);
+                assert_eq!(from.trajectory, to.trajectory);
+                assert_eq!((to.step - from.step) as usize, pair.gap_steps);
+                assert!(pair.gap_steps < 5);
+            }
+            for (from, to) in draw.far.iter().chain(&draw.hard) {
+                assert!(is_far(draw.states[*from], draw.states[*to], 5));
+            }
+        }
+    }
+
+    #[test]
+    fn every_state_and_every_near_pair_of_a_class_is_equally_likely() {
+        let mut states: HashMap<StateRef, usize> = HashMap::new();
+        let mut neighbours: HashMap<StateRef, usize> = HashMap::new();
+        for draw in draws(&SamplingConfig::default(), 1_500) {
+            for state in &draw.states {
+                *states.entry(*state).or_default() += 1;
+            }
+            for pair in draw.near.iter().filter(|p| p.gap_steps == 3) {
+                *neighbours.entry(draw.states[pair.from]).or_default() += 1;
+            }
+        }
+        assert_eq!(states.len(), 78);
+        assert_eq!(neighbours.len(), 3 * 17 + 2 * 6);
+        for counts in [states, neighbours] {
+            let mean = counts.values().sum::<usize>() as f64 / counts.len() as f64;
+            for (state, count) in counts {
+                let ratio = count as f64 / mean;
+                assert!((0.85..1.15).contains(&ratio), "{state:?} {ratio}");
+            }
+        }
+    }
+
+    #[test]
+    fn far_pairs_cover_all_ordered_pairs_of_trajectories_in_proportion() {
+        let mut between: HashMap<(u32, u32), f64> = HashMap::new();
+        let mut total = 0.0;
+        for draw in draws(&SamplingConfig::default(), 300) {
+            for (from, to) in draw.far {
+                let key = (draw.states[from].trajectory, draw.states[to].trajectory);
+                *between.entry(key).or_default() += 1.0;
+                total += 1.0;
+            }
+        }
+        // 20 x 9 of the 78 x 78 ordered pairs, less the near ones, which are about 5 in 78.
+        let expected = 180.0 / (78.0 * 78.0 - (3.0 * 90.0 + 2.0 * 35.0));
+        for key in [(0, 3), (3, 0), (2, 4)] {
+            let ratio = between[&key] / total / expected;
+            assert!((0.9..1.1).contains(&ratio), "{key:?} {ratio}");
+        }
+        assert!(between.contains_key(&(0, 0)), "far apart in time counts too");
+    }
+
+    #[test]
+    fn the_same_stream_draws_the_same_batch() {
+        let config = SamplingConfig::default();
+        assert_eq!(draws(&config, 3), draws(&config, 3));
+        assert_ne!(draws(&config, 2)[0], draws(&config, 2)[1]);
+    }
+
+    #[test]
+    fn trajectories_of_one_step_have_no_pairs() {
+        let data = Dataset::new(&[synthetic::demonstrations("a", 3, 1, 1)]).unwrap();
+        assert!(matches!(
+            Sampler::new(&data, &[0, 1], &SamplingConfig::default(), 5),
+            Err(TrainingError::NoPairs { .. })
+        ));
+    }
+}

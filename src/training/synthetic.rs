@@ -1,0 +1,80 @@
+//! Small made-up demonstrations for tests: a coloured square crosses the pictures of two cameras, and
+//! the action is the way it moves.
+
+use std::sync::Arc;
+
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use crate::trajectory::{
+    Action, ActionSpace, DemonstrationSet, Image, Observation, Step, Trajectory,
+};
+
+const MOVES: [(i32, i32); 4] = [(2, 0), (-2, 0), (0, 2), (0, -2)];
+
+/// Demonstrations of 16x24 pixels from each of two cameras.
+pub fn demonstrations(task: &str, count: usize, steps: usize, seed: u64) -> DemonstrationSet {
+    demonstrations_sized(task, count, steps, seed, (16, 24))
+}
+
+/// Demonstrations of any size.
+pub fn demonstrations_sized(
+    task: &str,
+    count: usize,
+    steps: usize,
+    seed: u64,
+    (height, width): (u32, u32),
+) -> DemonstrationSet {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let trajectories = (0..count)
+        .map(|index| {
+            let ground = [rng.random(), rng.random(), rng.random()];
+            let mut at = (
+                rng.random_range(0..height as i32),
+                rng.random_range(0..width as i32),
+            );
+            let mut direction = 0;
+            let steps = (0..steps)
+                .map(|step| {
+                    if step % 4 == 0 {
+                        direction = rng.random_range(0..MOVES.len());
+                    }
+                    let observation = Observation::new([
+                        ("head".to_owned(), picture(height, width, ground, at)),
+                        ("wrist".to_owned(), picture(height, width, ground, (at.1, at.0))),
+                    ]);
+                    at.0 = (at.0 + MOVES[direction].0).rem_euclid(height as i32);
+                    at.1 = (at.1 + MOVES[direction].1).rem_euclid(width as i32);
+                    Step {
+                        time_secs: step as f64,
+                        observation: Arc::new(observation),
+                        action: Action::Primitive(direction),
+                    }
+                })
+                .collect();
+            Trajectory {
+                id: format!("{task}_{index}"),
+                task: task.to_owned(),
+                action_space: ActionSpace::Primitives {
+                    names: ["down", "up", "right", "left"].map(String::from).to_vec(),
+                },
+                steps,
+                markers: Vec::new(),
+            }
+        })
+        .collect();
+    DemonstrationSet::new(task, trajectories).expect("made alike")
+}
+
+fn picture(height: u32, width: u32, ground: [u8; 3], at: (i32, i32)) -> Image {
+    let mut rgb = Vec::with_capacity((height * width * 3) as usize);
+    for y in 0..height as i32 {
+        for x in 0..width as i32 {
+            let inside = (y - at.0).abs() <= 2 && (x - at.1).abs() <= 2;
+            let pixel = if inside { [250, 40, 10] } else { ground };
+            rgb.extend(pixel.map(|v| v.wrapping_add((x * 3) as u8 / 4)));
+        }
+    }
+    Image::new(height, width, rgb).expect("as many pixels as said")
+}

@@ -1,0 +1,152 @@
+use std::path::Path;
+
+use burn::tensor::Device;
+
+use super::batch::Pictures;
+use super::checkpoint::{BestSoFar, Checkpoint};
+use super::patches::PatchGrid;
+use super::weights::{NamedWeights, assign, collect};
+use super::{
+    ChannelNormalisation, Dataset, LatentFlowNetwork, TrainingConfig, TrainingError,
+};
+use crate::model::{ModelSpec, ValidationMetrics};
+
+/// A network with everything that is needed to export it.
+#[derive(Debug)]
+pub struct TrainedModel {
+    /// What it takes and gives.
+    pub spec: ModelSpec,
+    /// How it was trained.
+    pub config: TrainingConfig,
+    /// The network, on the CPU and not training.
+    pub network: LatentFlowNetwork,
+    /// How the values of each camera are normalised.
+    pub normalisation: Vec<ChannelNormalisation>,
+    /// Divides the traversability logits.
+    pub temperature: f32,
+    /// The step after which these weights were found.
+    pub step: u64,
+    /// How well they do on held-out demonstrations.
+    pub metrics: ValidationMetrics,
+}
+
+impl TrainedModel {
+    /// The best model that a run has found so far, from its checkpoint; `None` before the first
+    /// validation.
+    ///
+    /// # Errors
+    /// [`TrainingError::CheckpointUnusable`], [`TrainingError::Io`].
+    pub fn of_run(run_folder: &Path) -> Result<Option<Self>, TrainingError> {
+        let Some(checkpoint) = Checkpoint::load(run_folder)? else {
+            return Ok(None);
+        };
+        let state = checkpoint.state;
+        let Some(best) = state.best else {
+            return Ok(None);
+        };
+        Self::with_weights(
+            state.spec,
+            state.config,
+            state.normalisation,
+            &best,
+            &checkpoint.best,
+        )
+        .map(Some)
+        .map_err(|reason| TrainingError::CheckpointUnusable {
+            path: Checkpoint::path(run_folder),
+            reason,
+        })
+    }
+
+    /// A model with random weights, as it is before the first step.
+    ///
+    /// # Panics
+    /// Never: the weights are the network's own.
+    #[must_use]
+    pub fn untrained(data: &Dataset, config: &TrainingConfig) -> Self {
+        let spec = spec_of(data, config);
+        let all: Vec<u32> = (0..data.trajectory_count() as u32).collect();
+        let normalisation = ChannelNormalisation::measure(data, &all);
+        let network = network_of(&spec, config, &Device::flex());
+        let best = BestSoFar {
+            step: 0,
+            score: f64::INFINITY,
+            metrics: ValidationMetrics::default(),
+            temperature: 1.0,
+        };
+        let weights = collect(&network);
+        Self::with_weights(spec, config.clone(), normalisation, &best, &weights)
+            .expect("a network's own weights fit it")
+    }
+
+    pub(super) fn with_weights(
+        spec: ModelSpec,
+        config: TrainingConfig,
+        normalisation: Vec<ChannelNormalisation>,
+        best: &BestSoFar,
+        weights: &[NamedWeights],
+    ) -> Result<Self, String> {
+        let network = assign(network_of(&spec, &config, &Device::flex()), weights)?;
+        Ok(Self {
+            spec,
+            config,
+            network,
+            normalisation,
+            temperature: best.temperature,
+            step: best.step,
+            metrics: best.metrics.clone(),
+        })
+    }
+
+    pub(super) fn pictures(&self) -> Pictures {
+        pictures_of(&self.spec, &self.config, self.normalisation.clone())
+    }
+}
+
+/// What a model of a dataset takes and gives.
+pub(super) fn spec_of(data: &Dataset, config: &TrainingConfig) -> ModelSpec {
+    ModelSpec {
+        cameras: data.cameras().to_vec(),
+        stack: config.stack,
+        action_space: data.action_space().clone(),
+        d_max: config.d_max,
+        latent_dim: data.cameras().len() * config.network.encoder.latent_dim,
+    }
+}
+
+/// The cameras' patch grids.
+pub(super) fn grids_of(spec: &ModelSpec, config: &TrainingConfig) -> Vec<PatchGrid> {
+    spec.cameras
+        .iter()
+        .map(|c| PatchGrid::new(c.height, c.width, spec.stack, &config.network.encoder))
+        .collect()
+}
+
+/// The pictures of a model's cameras.
+pub(super) fn pictures_of(
+    spec: &ModelSpec,
+    config: &TrainingConfig,
+    normalisation: Vec<ChannelNormalisation>,
+) -> Pictures {
+    Pictures {
+        names: spec.cameras.iter().map(|c| c.name.clone()).collect(),
+        grids: grids_of(spec, config),
+        normalisation,
+    }
+}
+
+/// A network with the random weights of the configuration's seed.
+pub(super) fn network_of(
+    spec: &ModelSpec,
+    config: &TrainingConfig,
+    device: &Device,
+) -> LatentFlowNetwork {
+    LatentFlowNetwork::new(
+        &grids_of(spec, config),
+        &config.network,
+        spec.d_max,
+        spec.action_space.head_sizes().iter().sum(),
+        config.seed,
+        device,
+    )
+}

@@ -1,0 +1,205 @@
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::TrajectoryError;
+
+/// What a robot did in one time step.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Action {
+    /// One of the motion primitives of the action space, by index.
+    Primitive(usize),
+    /// One value for each dimension of a continuous action space, in the robot's own units.
+    Continuous(Vec<f32>),
+}
+
+impl fmt::Display for Action {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Primitive(index) => write!(f, "primitive {index}"),
+            Self::Continuous(values) => write!(f, "{values:?}"),
+        }
+    }
+}
+
+/// One dimension of a binned action space: `bins` equal bins between `low` and `high`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ActionDimension {
+    /// What the dimension moves, such as `x` or `gripper`.
+    pub name: String,
+    /// Lower edge of the first bin.
+    pub low: f32,
+    /// Upper edge of the last bin.
+    pub high: f32,
+    /// Number of bins, at least 1.
+    pub bins: usize,
+}
+
+impl ActionDimension {
+    fn bin(&self, value: f32) -> usize {
+        let width = (self.high - self.low) / self.bins as f32;
+        if width <= 0.0 {
+            return 0;
+        }
+        (((value - self.low) / width).floor().max(0.0) as usize).min(self.bins - 1)
+    }
+
+    fn centre(&self, bin: usize) -> f32 {
+        self.low + (self.high - self.low) * (bin as f32 + 0.5) / self.bins as f32
+    }
+}
+
+/// Which actions a robot can take (Fu & Finn, section III-A).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "kind")]
+pub enum ActionSpace {
+    /// A finite list of motion primitives.
+    Primitives {
+        /// Their names; an action is an index into this list.
+        names: Vec<String>,
+    },
+    /// Continuous values, each cut into bins: what a policy can be trained on.
+    Binned {
+        /// The dimensions, in the order of the values of an action.
+        dimensions: Vec<ActionDimension>,
+    },
+    /// Continuous values as recorded, not cut into bins yet.
+    Continuous {
+        /// Names of the dimensions.
+        names: Vec<String>,
+    },
+}
+
+impl ActionSpace {
+    /// How many classes each head of a policy has: one head for primitives, one a dimension for
+    /// binned actions, none for a space that is not binned yet.
+    #[must_use]
+    pub fn head_sizes(&self) -> Vec<usize> {
+        match self {
+            Self::Primitives { names } => vec![names.len()],
+            Self::Binned { dimensions } => dimensions.iter().map(|d| d.bins).collect(),
+            Self::Continuous { .. } => Vec::new(),
+        }
+    }
+
+    /// The class of each head that stands for `action`; values beyond a dimension's range fall into
+    /// its outermost bin.
+    ///
+    /// # Errors
+    /// [`TrajectoryError::ActionOutsideSpace`] when the kind or length differs, an index is too
+    /// large, a value is not finite, or the space is not binned.
+    pub fn classes(&self, action: &Action) -> Result<Vec<usize>, TrajectoryError> {
+        let misfit = |reason: String| TrajectoryError::ActionOutsideSpace {
+            action: action.to_string(),
+            space: self.to_string(),
+            reason,
+        };
+        match (self, action) {
+            (Self::Primitives { names }, Action::Primitive(index)) if *index < names.len() => {
+                Ok(vec![*index])
+            }
+            (Self::Primitives { names }, Action::Primitive(index)) => Err(misfit(format!(
+                "index {index} is not below {}",
+                names.len()
+            ))),
+            (Self::Binned { dimensions }, Action::Continuous(values)) => {
+                if values.len() != dimensions.len() {
+                    return Err(misfit(format!(
+                        "{} values for {} dimensions",
+                        values.len(),
+                        dimensions.len()
+                    )));
+                }
+                if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
+                    return Err(misfit(format!("{bad} is not finite")));
+                }
+                Ok(dimensions
+                    .iter()
+                    .zip(values)
+                    .map(|(d, v)| d.bin(*v))
+                    .collect())
+            }
+            (Self::Continuous { .. }, _) => Err(misfit("the space is not binned".to_owned())),
+            _ => Err(misfit("the kinds differ".to_owned())),
+        }
+    }
+
+    /// The action that the classes of all heads stand for; a bin stands for its centre.
+    ///
+    /// # Errors
+    /// [`TrajectoryError::ActionOutsideSpace`] when the number of classes or one of them does not
+    /// fit, or the space is not binned.
+    pub fn action(&self, classes: &[usize]) -> Result<Action, TrajectoryError> {
+        let sizes = self.head_sizes();
+        if sizes.is_empty()
+            || classes.len() != sizes.len()
+            || classes.iter().zip(&sizes).any(|(c, s)| c >= s)
+        {
+            return Err(TrajectoryError::ActionOutsideSpace {
+                action: format!("classes {classes:?}"),
+                space: self.to_string(),
+                reason: format!("the heads have {sizes:?} classes"),
+            });
+        }
+        Ok(match self {
+            Self::Binned { dimensions } => Action::Continuous(
+                dimensions
+                    .iter()
+                    .zip(classes)
+                    .map(|(d, c)| d.centre(*c))
+                    .collect(),
+            ),
+            _ => Action::Primitive(classes[0]),
+        })
+    }
+
+    /// The same space with `bins` equal bins over the range of each dimension of `actions`; spaces
+    /// that have classes already stay as they are.
+    #[must_use]
+    pub fn binned<'a>(&self, actions: impl Iterator<Item = &'a Action>, bins: usize) -> Self {
+        let Self::Continuous { names } = self else {
+            return self.clone();
+        };
+        let mut range = vec![(f32::INFINITY, f32::NEG_INFINITY); names.len()];
+        for action in actions {
+            if let Action::Continuous(values) = action {
+                for (r, v) in range.iter_mut().zip(values).filter(|(_, v)| v.is_finite()) {
+                    *r = (r.0.min(*v), r.1.max(*v));
+                }
+            }
+        }
+        let dimensions = names
+            .iter()
+            .zip(range)
+            .map(|(name, (low, high))| ActionDimension {
+                name: name.clone(),
+                low: if low.is_finite() { low } else { 0.0 },
+                high: if high.is_finite() { high } else { 0.0 },
+                bins: bins.max(1),
+            })
+            .collect();
+        Self::Binned { dimensions }
+    }
+
+    /// A printable name of an action: the primitive's name, or the values.
+    #[must_use]
+    pub fn name(&self, action: &Action) -> String {
+        match (self, action) {
+            (Self::Primitives { names }, Action::Primitive(i)) if *i < names.len() => {
+                names[*i].clone()
+            }
+            _ => action.to_string(),
+        }
+    }
+}
+
+impl fmt::Display for ActionSpace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Primitives { names } => write!(f, "{} primitives", names.len()),
+            Self::Binned { dimensions } => write!(f, "{} binned dimensions", dimensions.len()),
+            Self::Continuous { names } => write!(f, "{} continuous dimensions", names.len()),
+        }
+    }
+}

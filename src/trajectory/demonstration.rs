@@ -1,0 +1,153 @@
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Action, ActionSpace, CameraSpec, Observation, State, TrajectoryError};
+
+/// One time step: what was seen, and what was done then.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// Seconds since the start of the trajectory.
+    pub time_secs: f64,
+    /// What the cameras showed before the action.
+    pub observation: Arc<Observation>,
+    /// The action that followed.
+    pub action: Action,
+}
+
+/// A named moment of a trajectory: the first step whose observation shows that `name` holds.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Marker {
+    /// Index into the trajectory's steps.
+    pub step: usize,
+    /// What was reached, such as the name of a subgoal.
+    pub name: String,
+}
+
+/// One demonstration or one episode, from its first observation to its last.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    /// Unique within a set; the file's stem where it came from a file.
+    pub id: String,
+    /// Which task it shows.
+    pub task: String,
+    /// What the actions mean.
+    pub action_space: ActionSpace,
+    /// All steps in order of time.
+    pub steps: Vec<Step>,
+    /// Subgoals and other named moments, in order of time.
+    pub markers: Vec<Marker>,
+}
+
+impl Trajectory {
+    /// The state at a step: its observation and the ones before it, `stack` frames deep.
+    ///
+    /// # Panics
+    /// If `step` is not below the number of steps or `stack` is 0.
+    #[must_use]
+    pub fn state(&self, step: usize, stack: usize) -> State {
+        let first = (step + 1).saturating_sub(stack);
+        let history: Vec<_> = self.steps[first..=step]
+            .iter()
+            .map(|s| Arc::clone(&s.observation))
+            .collect();
+        State::from_history(&history, stack)
+    }
+
+    /// The cameras of the first step; empty for a trajectory without steps.
+    #[must_use]
+    pub fn cameras(&self) -> Vec<CameraSpec> {
+        self.steps
+            .first()
+            .map(|s| s.observation.cameras())
+            .unwrap_or_default()
+    }
+
+    /// The step of the first marker of that name.
+    #[must_use]
+    pub fn marker_step(&self, name: &str) -> Option<usize> {
+        self.markers.iter().find(|m| m.name == name).map(|m| m.step)
+    }
+}
+
+/// Demonstrations of one task that share cameras and action space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DemonstrationSet {
+    task: String,
+    trajectories: Vec<Trajectory>,
+}
+
+impl DemonstrationSet {
+    /// Puts trajectories together after checking that every one has steps and that cameras and
+    /// action spaces agree.
+    ///
+    /// # Errors
+    /// [`TrajectoryError::Empty`] for no trajectories or one without steps,
+    /// [`TrajectoryError::SetDisagrees`] when cameras or action spaces differ.
+    pub fn new(
+        task: impl Into<String>,
+        trajectories: Vec<Trajectory>,
+    ) -> Result<Self, TrajectoryError> {
+        let task = task.into();
+        let Some(first) = trajectories.first() else {
+            return Err(TrajectoryError::Empty {
+                what: format!("the demonstration set of '{task}'"),
+            });
+        };
+        for t in &trajectories {
+            if t.steps.is_empty() {
+                return Err(TrajectoryError::Empty {
+                    what: format!("trajectory '{}'", t.id),
+                });
+            }
+            let disagrees = |expected: String, found: String| TrajectoryError::SetDisagrees {
+                trajectory: t.id.clone(),
+                expected,
+                found,
+            };
+            if t.cameras() != first.cameras() {
+                return Err(disagrees(
+                    format!("cameras {:?}", first.cameras()),
+                    format!("cameras {:?}", t.cameras()),
+                ));
+            }
+            if t.action_space != first.action_space {
+                return Err(disagrees(
+                    first.action_space.to_string(),
+                    t.action_space.to_string(),
+                ));
+            }
+        }
+        Ok(Self { task, trajectories })
+    }
+
+    /// The task's name.
+    #[must_use]
+    pub fn task(&self) -> &str {
+        &self.task
+    }
+
+    /// All trajectories.
+    #[must_use]
+    pub fn trajectories(&self) -> &[Trajectory] {
+        &self.trajectories
+    }
+
+    /// Cameras that all trajectories share.
+    #[must_use]
+    pub fn cameras(&self) -> Vec<CameraSpec> {
+        self.trajectories[0].cameras()
+    }
+
+    /// The action space that all trajectories share.
+    #[must_use]
+    pub fn action_space(&self) -> &ActionSpace {
+        &self.trajectories[0].action_space
+    }
+
+    /// Number of steps of all trajectories together.
+    #[must_use]
+    pub fn step_count(&self) -> usize {
+        self.trajectories.iter().map(|t| t.steps.len()).sum()
+    }
+}

@@ -1,0 +1,52 @@
+use thiserror::Error;
+
+/// What can be wrong with images, actions and trajectories in memory.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum TrajectoryError {
+    /// The pixel buffer does not hold `height * width * 3` bytes.
+    #[error("an RGB image of {height}x{width} needs {expected} bytes, the buffer has {found}")]
+    PixelCount {
+        /// Rows.
+        height: u32,
+        /// Columns.
+        width: u32,
+        /// Bytes that the size asks for.
+        expected: usize,
+        /// Bytes that were given.
+        found: usize,
+    },
+    /// An observation lacks a camera that somebody asked for.
+    #[error("no camera named '{wanted}' in the observation, which has: {present}")]
+    CameraMissing {
+        /// The camera that was asked for.
+        wanted: String,
+        /// The cameras that are there, separated by commas.
+        present: String,
+    },
+    /// An action does not belong to the action space: wrong kind, length or range.
+    #[error("action {action} does not fit the action space {space}: {reason}")]
+    ActionOutsideSpace {
+        /// The action, printed.
+        action: String,
+        /// The space, printed.
+        space: String,
+        /// What does not fit.
+        reason: String,
+    },
+    /// Trajectories that were put into one set do not agree.
+    #[error("trajectory '{trajectory}' has {found}, the others of the set have {expected}")]
+    SetDisagrees {
+        /// The trajectory that differs.
+        trajectory: String,
+        /// What the set has.
+        expected: String,
+        /// What this one has.
+        found: String,
+    },
+    /// A set without trajectories, or a trajectory without steps.
+    #[error("{what} is empty")]
+    Empty {
+        /// What is empty.
+        what: String,
+    },
+}

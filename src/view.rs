@@ -1,0 +1,16 @@
+//! Pictures: a merged graph as SVG, and a rollout as a Rerun recording.
+
+mod error;
+mod file;
+mod layout;
+mod palette;
+mod recording;
+mod selection;
+mod svg;
+
+pub use error::ViewError;
+pub use recording::{EventLevel, RolloutRecording, RolloutScene, StepView};
+pub use svg::{merged_graph_svg, write_merged_graph_svg};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,100 @@
+use std::fmt::Write;
+
+use super::canvas::{Canvas, Type};
+use super::edges::arc;
+use crate::graph::{NodeId, TopologicalGraph};
+use crate::view::layout::GraphLayout;
+use crate::view::palette::{INK, Rgb, STAR};
+
+const WHITE: Rgb = Rgb(255, 255, 255);
+
+/// The planned route in bold, numbered where it reaches a subgoal, starred where it ends.
+pub(super) fn paint(
+    canvas: &mut Canvas,
+    graph: &TopologicalGraph,
+    layout: &GraphLayout,
+    route: &[NodeId],
+) {
+    let (Some(first), Some(last)) = (route.first(), route.last()) else {
+        return;
+    };
+    let mut path = String::new();
+    for pair in route.windows(2) {
+        if layout.block_of[pair[0].index()] == layout.block_of[pair[1].index()] {
+            let ([x0, y0], [x1, y1]) = (layout.at(pair[0]), layout.at(pair[1]));
+            let _ = write!(path, "M{x0:.1} {y0:.1}L{x1:.1} {y1:.1}");
+        } else {
+            path.push_str(&arc(layout, pair[0], pair[1]));
+        }
+    }
+    for (colour, width) in [(WHITE, 6.5), (INK, 3.0)] {
+        canvas.push(format_args!(
+            "<path d=\"{path}\" stroke=\"{}\" stroke-width=\"{width}\" stroke-linecap=\"round\" \
+             stroke-linejoin=\"round\"/>",
+            colour.hex()
+        ));
+    }
+    let [x, y] = layout.at(*first);
+    canvas.push(format_args!(
+        "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\" fill=\"#ffffff\" stroke=\"{}\" \
+         stroke-width=\"3\"/>",
+        INK.hex()
+    ));
+    for (number, node) in stage_ends(graph, route).into_iter().enumerate() {
+        badge(canvas, layout.at(node), number + 1, node == *last);
+    }
+    canvas.star(layout.at(*last), 13.0, STAR);
+}
+
+/// The first node of the route at which each further subgoal holds, in order.
+fn stage_ends(graph: &TopologicalGraph, route: &[NodeId]) -> Vec<NodeId> {
+    let mut ends = Vec::new();
+    let mut done: Vec<(&str, u32)> = Vec::new();
+    for id in route {
+        let node = graph.node(*id);
+        let known = done.iter().position(|(task, _)| *task == node.task);
+        let task = known.unwrap_or_else(|| {
+            // A task that is entered half-way has its first subgoals behind it.
+            let before = node.progress.saturating_sub(node.reached.len() as u32);
+            done.push((&node.task, before));
+            done.len() - 1
+        });
+        let held = &mut done[task].1;
+        while *held < node.progress {
+            *held += 1;
+            ends.push(*id);
+        }
+    }
+    ends
+}
+
+fn badge(canvas: &mut Canvas, [x, y]: [f32; 2], number: usize, beside_star: bool) {
+    let (x, y) = if beside_star { (x, y - 24.0) } else { (x, y) };
+    canvas.push(format_args!(
+        "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"9.5\" fill=\"{}\" stroke=\"#ffffff\" \
+         stroke-width=\"2\"/>",
+        INK.hex()
+    ));
+    canvas.push(format_args!(
+        "<text x=\"{x:.1}\" y=\"{:.1}\" font-size=\"11.5\" font-weight=\"700\" fill=\"#ffffff\" \
+         text-anchor=\"middle\">{number}</text>",
+        y + 4.1
+    ));
+}
+
+/// How the route looks, for the legend: a piece of line, a badge and a star.
+pub(super) fn sample(canvas: &mut Canvas, x: f32, y: f32) {
+    canvas.push(format_args!(
+        "<path d=\"M{x:.1} {y:.1}h30\" stroke=\"{}\" stroke-width=\"3\" stroke-linecap=\"round\"/>",
+        INK.hex()
+    ));
+    let set = Type {
+        colour: INK,
+        ..Type::default()
+    };
+    canvas.text(x + 40.0, y + 4.5, set, "planned route");
+    badge(canvas, [x + 150.0, y], 1, false);
+    canvas.text(x + 166.0, y + 4.5, set, "reaches a subgoal");
+    canvas.star([x + 300.0, y], 9.0, STAR);
+    canvas.text(x + 316.0, y + 4.5, set, "chosen final state");
+}

@@ -1,0 +1,255 @@
+use std::path::Path;
+
+use super::layout::{Frame, GraphLayout};
+use super::*;
+use crate::graph::{Edge, EdgeKind, Node, NodeId, TopologicalGraph};
+use crate::model::ActionDistribution;
+use crate::task::{Automaton, Subgoal, Task};
+use crate::trajectory::{ActionSpace, Image, Observation};
+
+const FRAME: Frame = Frame {
+    left: 10.0,
+    top: 20.0,
+    width: 500.0,
+    gap: 50.0,
+    row_height: 8.0,
+};
+
+fn subgoal(task: &str, name: &str) -> Subgoal {
+    Subgoal {
+        task: task.to_owned(),
+        name: name.to_owned(),
+    }
+}
+
+/// Adds a demonstration of `steps` steps with one subgoal at `marker` and another at its end.
+fn demonstrate(
+    graph: &mut TopologicalGraph,
+    task: &str,
+    id: &str,
+    steps: u32,
+    marker: u32,
+) -> Vec<NodeId> {
+    let mut nodes: Vec<NodeId> = Vec::new();
+    for step in 0..steps {
+        let is_end = step + 1 == steps;
+        let mut reached = Vec::new();
+        if step == marker {
+            reached.push(subgoal(task, "half"));
+        }
+        if is_end {
+            reached.push(subgoal(task, "done"));
+        }
+        let node = Node {
+            task: task.to_owned(),
+            trajectory: id.to_owned(),
+            step,
+            reached,
+            progress: u32::from(step >= marker) + u32::from(is_end),
+            is_end,
+        };
+        let node = graph.add_node(node, &[0.0]);
+        if let Some(before) = nodes.last() {
+            graph.add_edge(*before, node, edge(EdgeKind::Temporal, 1.0));
+        }
+        nodes.push(node);
+    }
+    nodes
+}
+
+fn edge(kind: EdgeKind, probability: f32) -> Edge {
+    Edge {
+        kind,
+        steps: 1,
+        probabilities: vec![probability, 0.0, 1.0 - probability],
+    }
+}
+
+/// Demonstrations of `b` come first in the graph, but a route leads from `a` to `b`.
+fn two_tasks() -> (TopologicalGraph, Vec<NodeId>) {
+    let mut graph = TopologicalGraph::new(1, 3);
+    let b = demonstrate(&mut graph, "b", "b_0", 10, 5);
+    demonstrate(&mut graph, "a", "a_0", 30, 7);
+    demonstrate(&mut graph, "a", "a_1", 24, 16);
+    let used = demonstrate(&mut graph, "a", "a_2", 20, 10);
+    graph.add_edge(used[19], b[0], edge(EdgeKind::CrossTask, 0.9));
+    graph.add_edge(b[9], used[0], edge(EdgeKind::CrossTask, 0.6));
+    graph.add_edge(used[3], used[5], edge(EdgeKind::Learned, 0.8));
+    let route = used.into_iter().chain(b).collect();
+    (graph, route)
+}
+
+#[test]
+fn a_subgoal_stands_in_one_column_whenever_it_was_reached() {
+    let (graph, route) = two_tasks();
+    let layout = GraphLayout::new(&graph, &route, FRAME);
+    for block in &layout.blocks {
+        assert_eq!(block.columns.len(), 2);
+        for column in &block.columns {
+            let places: Vec<f32> = graph
+                .nodes()
+                .filter(|(_, n)| n.reached.contains(&subgoal(&block.task, &column.subgoal)))
+                .map(|(id, _)| layout.at(id)[0])
+                .collect();
+            assert_eq!(places.len(), block.rows.len());
+            assert!(
+                places.iter().all(|x| (x - column.x).abs() < 1e-3),
+                "{places:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn time_runs_to_the_right_inside_the_block() {
+    let (graph, route) = two_tasks();
+    let layout = GraphLayout::new(&graph, &route, FRAME);
+    for block in &layout.blocks {
+        for row in &block.rows {
+            let places: Vec<f32> = row.nodes.iter().map(|id| layout.at(*id)[0]).collect();
+            assert!(places.is_sorted_by(|a, b| a < b), "{places:?}");
+            let (first, last) = (places[0], places[places.len() - 1]);
+            assert!((first - block.x).abs() < 1e-3 && (last - block.x - block.width).abs() < 1e-3);
+        }
+    }
+    let last = &layout.blocks[1];
+    assert!((last.x + last.width - 510.0).abs() < 1e-2);
+}
+
+#[test]
+fn tasks_follow_the_route_and_its_demonstrations_stand_in_the_middle() {
+    let (graph, route) = two_tasks();
+    let layout = GraphLayout::new(&graph, &route, FRAME);
+    let tasks: Vec<&str> = layout.blocks.iter().map(|b| b.task.as_str()).collect();
+    assert_eq!(tasks, ["a", "b"]);
+    let middle = &layout.blocks[0].rows[1];
+    assert_eq!(graph.node(middle.nodes[0]).trajectory, "a_2");
+    assert!(!layout.leads_back(route[19], route[20]) && layout.leads_back(route[20], route[0]));
+
+    let without_route = GraphLayout::new(&graph, &[], FRAME);
+    assert_eq!(without_route.blocks[0].task, "b");
+}
+
+#[test]
+fn picture_numbers_the_subgoals_of_the_route_and_stars_its_end() {
+    let (graph, route) = two_tasks();
+    let svg = merged_graph_svg(&graph, Some(&route), "a & b");
+    assert!(svg.contains("a &amp; b") && svg.contains("<polygon"));
+    for number in 1..=4 {
+        assert!(
+            svg.contains(&format!(">{number}</text>")),
+            "no stage {number}"
+        );
+    }
+    assert!(!svg.contains(">5</text>"));
+    assert!(svg.contains("2 cross-task edges") && svg.contains("1 learned edge "));
+    assert_eq!(svg, merged_graph_svg(&graph, Some(&route), "a & b"));
+
+    let plain = merged_graph_svg(&graph, None, "a");
+    assert!(!plain.contains("<polygon") && !plain.contains("planned route"));
+}
+
+#[test]
+fn picture_says_how_many_edges_it_left_out() {
+    let mut graph = TopologicalGraph::new(1, 3);
+    let a = demonstrate(&mut graph, "a", "a_0", 60, 30);
+    let b = demonstrate(&mut graph, "b", "b_0", 60, 30);
+    for from in &a {
+        for to in b.iter().take(20) {
+            graph.add_edge(*from, *to, edge(EdgeKind::CrossTask, 0.7));
+        }
+    }
+    let svg = merged_graph_svg(&graph, None, "many");
+    assert!(svg.contains("(500 of 1,200 drawn)"));
+}
+
+#[test]
+fn empty_graph_has_a_picture_too() {
+    let graph = TopologicalGraph::new(1, 3);
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("new/empty.svg");
+    write_merged_graph_svg(&path, &graph, None, "nothing").expect("the folder can be written");
+    let text = std::fs::read_to_string(&path).expect("it was written");
+    assert!(text.starts_with("<svg") && text.ends_with("</svg>\n") && !text.contains("NaN"));
+}
+
+#[test]
+fn picture_that_cannot_be_written_names_its_file() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let blocked = folder.path().join("file");
+    std::fs::write(&blocked, b"").expect("writing a file");
+    let path = blocked.join("graph.svg");
+    let error = write_merged_graph_svg(&path, &TopologicalGraph::new(1, 3), None, "")
+        .expect_err("a file is no folder");
+    assert!(error.to_string().contains("graph.svg"), "{error}");
+}
+
+fn observation(value: u8) -> Observation {
+    let image = Image::new(2, 2, vec![value; 12]).expect("it is full");
+    Observation::new([("head".to_owned(), image)])
+}
+
+/// Records a rollout along the route; an unfinished one is dropped.
+fn record(path: &Path, finish: bool) {
+    let (graph, route) = two_tasks();
+    let task = |name: &str| Task {
+        name: name.to_owned(),
+        subgoals: vec![subgoal(name, "half"), subgoal(name, "done")],
+    };
+    let automaton = Automaton::in_order(&[task("a"), task("b")]);
+    let space = ActionSpace::Primitives {
+        names: vec!["left".to_owned(), "right".to_owned()],
+    };
+    let live = observation(7);
+    let cameras = live.cameras();
+    let scene = RolloutScene {
+        title: "a, b",
+        graph: &graph,
+        automaton: &automaton,
+        action_space: &space,
+        cameras: &cameras,
+        route: &route,
+    };
+    let mut recording = RolloutRecording::create(path, scene).expect("the folder can be written");
+    let actions = ActionDistribution {
+        heads: vec![vec![0.25, 0.75]],
+    };
+    for (step, node) in route.iter().enumerate() {
+        let view = StepView {
+            step: step as u32,
+            time_secs: step as f64,
+            observation: &live,
+            goal: Some(&live),
+            goal_node: route.get(step + 1).copied(),
+            current: (step != 4).then_some(*node),
+            path: &route[step..],
+            stage: 0,
+            actions: Some(&actions),
+            chosen: Some("right"),
+            cost_to_go_steps: Some(f64::INFINITY),
+        };
+        recording.log_step(&view).expect("it can be logged");
+    }
+    recording
+        .log_event(3, 3.0, EventLevel::Warning, "lost")
+        .expect("it can be logged");
+    if finish {
+        recording.finish().expect("it can be renamed");
+    }
+}
+
+#[test]
+fn recording_takes_its_name_when_it_is_complete() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("rollout.rrd");
+    record(&path, false);
+    assert!(!path.exists());
+    record(&path, true);
+    let bytes = std::fs::read(&path).expect("it is there");
+    assert!(bytes.starts_with(b"RRF2"), "{:?}", &bytes[..4]);
+    let names: Vec<_> = std::fs::read_dir(folder.path())
+        .expect("the folder")
+        .map(|entry| entry.expect("an entry").file_name())
+        .collect();
+    assert_eq!(names, ["rollout.rrd"]);
+}

@@ -1,0 +1,147 @@
+//! The house keeps its floors: imports go strictly downward, and crates stay in their rooms.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Rooms with their floors; a room may import from lower floors only.
+const FLOORS: &[(&str, u32)] = &[
+    ("trajectory", 0),
+    ("task", 1),
+    ("model", 1),
+    ("environment", 1),
+    ("graph", 2),
+    ("planner", 3),
+    ("inference", 3),
+    ("training", 3),
+    ("simulator", 3),
+    ("storage", 3),
+    ("composer", 4),
+    ("rollout", 5),
+    ("experiment", 6),
+    ("view", 6),
+    ("cli", 7),
+];
+
+/// Crates with the rooms that may name them.
+const CONFINED: &[(&str, &[&str])] = &[
+    ("rerun", &["view"]),
+    ("mcap", &["storage"]),
+    ("parquet", &["storage"]),
+    ("arrow", &["storage"]),
+    ("serde_yaml", &["composer"]),
+    ("burn", &["training"]),
+    ("ort", &["inference"]),
+    ("ort_tract", &["inference"]),
+    ("libloading", &["inference"]),
+    ("rapier3d", &["simulator"]),
+    ("clap", &["cli"]),
+    ("indicatif", &["cli"]),
+    ("petgraph", &["graph", "planner"]),
+];
+
+fn rust_files(folder: &Path, into: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("the folder can be read") {
+        let path = entry.expect("the entry can be read").path();
+        if path.is_dir() {
+            rust_files(&path, into);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            into.push(path);
+        }
+    }
+}
+
+/// Room of a source file, its path for messages, and its lines before the unit tests.
+fn sources() -> Vec<(String, String, Vec<String>)> {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    rust_files(&src, &mut files);
+    files.sort();
+    files
+        .into_iter()
+        .map(|path| {
+            let relative = path.strip_prefix(&src).expect("below src").to_owned();
+            let first = relative.components().next().expect("a name");
+            let room = Path::new(first.as_os_str())
+                .file_stem()
+                .expect("a stem")
+                .to_string_lossy()
+                .into_owned();
+            let text = fs::read_to_string(&path).expect("a source file");
+            let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+            let lines = code
+                .lines()
+                .map(|l| l.split("//").next().unwrap_or_default().to_owned())
+                .collect();
+            (room, relative.display().to_string(), lines)
+        })
+        .filter(|(room, ..)| room != "lib" && room != "main")
+        .collect()
+}
+
+fn floor(room: &str) -> u32 {
+    FLOORS
+        .iter()
+        .find(|(name, _)| *name == room)
+        .unwrap_or_else(|| panic!("room '{room}' has no floor: add it to FLOORS"))
+        .1
+}
+
+/// Identifiers that follow `prefix` in a line, with what stands before the prefix.
+fn names_after<'a>(line: &'a str, prefix: &str) -> Vec<&'a str> {
+    line.match_indices(prefix)
+        .map(|(at, _)| {
+            let rest = &line[at + prefix.len()..];
+            let end = rest
+                .find(|c: char| !c.is_alphanumeric() && c != '_')
+                .unwrap_or(rest.len());
+            &rest[..end]
+        })
+        .collect()
+}
+
+#[test]
+fn imports_go_down() {
+    let mut faults = Vec::new();
+    for (room, file, lines) in sources() {
+        for (number, line) in lines.iter().enumerate() {
+            for used in names_after(line, "crate::") {
+                let goes_down = used == room
+                    || FLOORS.iter().all(|(name, _)| *name != used)
+                    || floor(used) < floor(&room);
+                if !goes_down {
+                    faults.push(format!("{file}:{}: {room} uses {used}", number + 1));
+                }
+            }
+        }
+    }
+    assert!(faults.is_empty(), "imports that go up:\n{}", faults.join("\n"));
+}
+
+#[test]
+fn crates_stay_in_their_rooms() {
+    let mut faults = Vec::new();
+    for (room, file, lines) in sources() {
+        for (number, line) in lines.iter().enumerate() {
+            for (name, rooms) in CONFINED {
+                let path = format!("{name}::");
+                let named = line.match_indices(&path).any(|(at, _)| {
+                    !line[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':')
+                });
+                if named && !rooms.contains(&room.as_str()) {
+                    faults.push(format!("{file}:{}: {room} uses {name}", number + 1));
+                }
+            }
+        }
+    }
+    assert!(faults.is_empty(), "crates out of their rooms:\n{}", faults.join("\n"));
+}
+
+#[test]
+fn no_mod_rs_and_no_catch_all_rooms() {
+    for (_, file, _) in sources() {
+        assert!(!file.ends_with("mod.rs"), "{file}: write foo.rs beside foo/");
+        for word in ["util", "common", "helper"] {
+            assert!(!file.contains(word), "{file}: name the concept, not '{word}'");
+        }
+    }
+}

@@ -1,0 +1,4 @@
+//! All integration tests in one binary, so that the dependencies are linked once.
+
+mod architecture;
+mod diagnostics;
