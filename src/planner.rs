@@ -56,5 +56,5 @@ pub use layout::{Layout, Place, PlaceId};
 pub use live::LiveDistances;
 pub use localisation::{FilterOptions, Localisation, StageChange, StageFilter};
 pub use no_path::{Gap, NoPath};
-pub use options::{EdgeChoice, PlannerOptions, Search};
+pub use options::{EdgeChoice, Join, PlannerOptions, Search};
 pub use plan::{Plan, Planner};

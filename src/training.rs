@@ -23,8 +23,10 @@ mod loss;
 mod masks;
 mod network;
 mod normalisation;
+mod objective;
 mod observer;
 mod patches;
+mod preset;
 mod reference;
 mod sampler;
 mod schedule;
@@ -35,7 +37,7 @@ mod trainer;
 mod weights;
 
 pub use config::{
-    AugmentationConfig, EncoderConfig, NetworkConfig, OptimiserConfig, Preset, SamplingConfig,
+    AugmentationConfig, EncoderConfig, NetworkConfig, OptimiserConfig, SamplingConfig,
     TrainingConfig,
 };
 pub use dataset::{Dataset, StateRef};
@@ -45,6 +47,7 @@ pub use export::export;
 pub use network::LatentFlowNetwork;
 pub use normalisation::ChannelNormalisation;
 pub use observer::{SilentObserver, StepLosses, TrainingEvent, TrainingObserver};
+pub use preset::Preset;
 pub use reference::ReferenceOutputs;
 pub use trained_model::TrainedModel;
 pub use trainer::{TrainingReport, train, train_on};

@@ -41,20 +41,30 @@ pub(super) struct Planned {
 pub(super) fn plan(loaded: &Loaded) -> Result<Planned, CliError> {
     let planner = loaded.planner(loaded.composition.planner.clone())?;
     let plan = planner.plan_from_start().map_err(CliError::NoPath)?;
-    let unconstrained = loaded.paper_plan()?.map(|(paper, plan)| UnconstrainedReport {
-        steps: plan.steps,
-        final_state: end_of(&loaded.graph, &plan),
-        audit: paper.audit(&plan),
-    });
+    let unconstrained = loaded
+        .paper_plan()?
+        .map(|(paper, plan)| UnconstrainedReport {
+            steps: plan.steps,
+            final_state: end_of(&loaded.graph, &plan),
+            audit: paper.audit(&plan),
+        });
     let automaton = &loaded.composition.automaton;
     let report = PlanReport {
         name: loaded.composition.name.clone(),
         tasks: automaton.tasks().to_vec(),
-        subgoals: automaton.subgoals().iter().map(|s| s.name.clone()).collect(),
+        subgoals: automaton
+            .subgoals()
+            .iter()
+            .map(|s| s.name.clone())
+            .collect(),
         steps: plan.steps,
         cost: plan.cost,
         final_state: end_of(&loaded.graph, &plan),
-        route: plan.route.iter().map(|n| loaded.graph.node(*n).place()).collect(),
+        route: plan
+            .route
+            .iter()
+            .map(|n| loaded.graph.node(*n).place())
+            .collect(),
         audit: planner.audit(&plan),
         unconstrained,
     };
@@ -66,7 +76,10 @@ pub(super) fn plan(loaded: &Loaded) -> Result<Planned, CliError> {
 }
 
 fn end_of(graph: &TopologicalGraph, plan: &Plan) -> String {
-    plan.route.last().map(|n| graph.node(*n).place()).unwrap_or_default()
+    plan.route
+        .last()
+        .map(|n| graph.node(*n).place())
+        .unwrap_or_default()
 }
 
 /// The plan in words: the way through each task, its subgoals with the step at which they are due, the
@@ -81,9 +94,16 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
         report.name,
         graph.node_count(),
         graph.edge_count(),
-        graph.edges().filter(|(_, _, e)| e.kind == crate::graph::EdgeKind::CrossTask).count(),
+        graph
+            .edges()
+            .filter(|(_, _, e)| e.kind == crate::graph::EdgeKind::CrossTask)
+            .count(),
     );
-    let _ = writeln!(text, "plan: {} steps to the final state {}", report.steps, report.final_state);
+    let _ = writeln!(
+        text,
+        "plan: {} steps to the final state {}",
+        report.steps, report.final_state
+    );
     let mut task = "";
     for (i, node) in planned.plan.route.iter().enumerate() {
         let node = graph.node(*node);
@@ -98,10 +118,18 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
     let _ = writeln!(text, "audit of the plan: {}", report.audit);
     match &report.unconstrained {
         Some(paper) if paper.audit.is_clean() => {
-            let _ = writeln!(text, "the unconstrained plan of the paper: {} steps, skips nothing", paper.steps);
+            let _ = writeln!(
+                text,
+                "the unconstrained plan of the paper: {} steps, skips nothing",
+                paper.steps
+            );
         }
         Some(paper) => {
-            let _ = writeln!(text, "the unconstrained plan of the paper: {} steps, and it", paper.steps);
+            let _ = writeln!(
+                text,
+                "the unconstrained plan of the paper: {} steps, and it",
+                paper.steps
+            );
             for line in paper.audit.to_string().lines() {
                 let _ = writeln!(text, "  {line}");
             }

@@ -1,3 +1,4 @@
+use std::io::IsTerminal;
 use std::path::PathBuf;
 
 use thiserror::Error;
@@ -69,7 +70,9 @@ pub(super) enum CliError {
         run: PathBuf,
     },
     /// The operator fails again and again.
-    #[error("only {recorded} of {attempts} attempts at '{task}' succeeded; the {wanted} wanted are out of reach")]
+    #[error(
+        "only {recorded} of {attempts} attempts at '{task}' succeeded; the {wanted} wanted are out of reach"
+    )]
     OperatorFails {
         /// The task.
         task: String,
@@ -81,7 +84,9 @@ pub(super) enum CliError {
         wanted: usize,
     },
     /// A composition without a simulated world that is known here.
-    #[error("'{composition}' names the world {found}; write 'environment: {{bedroom: {{start: sock}}}}' to run it in the simulated bedroom")]
+    #[error(
+        "'{composition}' names the world {found}; write 'environment: {{bedroom: {{start: sock}}}}' to run it in the simulated bedroom"
+    )]
     UnknownWorld {
         /// The composition.
         composition: String,
@@ -114,9 +119,10 @@ impl CliError {
     /// causes.
     pub(super) fn report(&self) -> String {
         if let Self::Composer(diagnostics) = self {
-            let style = match std::io::IsTerminal::is_terminal(&std::io::stderr()) {
-                true => Rendering::Colour,
-                false => Rendering::Plain,
+            let style = if std::io::stderr().is_terminal() {
+                Rendering::Colour
+            } else {
+                Rendering::Plain
             };
             return diagnostics.render(style);
         }
@@ -125,7 +131,8 @@ impl CliError {
         while let Some(source) = cause {
             let line = source.to_string();
             if !text.contains(&line) {
-                text.push_str(&format!("\n  because: {line}"));
+                text.push_str("\n  because: ");
+                text.push_str(&line);
             }
             cause = source.source();
         }

@@ -27,8 +27,11 @@ pub(super) fn evaluate(
         .into_par_iter()
         .map(|seed| {
             let mut room = ScoredBedroom::new(Bedroom::new(bedroom), &loaded.composition.automaton);
-            let mut rollout =
-                Rollout::new(loaded.rollout_model(), planner.clone(), loaded.rollout_options())?;
+            let mut rollout = Rollout::new(
+                loaded.rollout_model(),
+                planner.clone(),
+                loaded.rollout_options(),
+            )?;
             let episode = rollout.run(&mut room, seed, &mut ())?;
             bar.inc(1);
             Ok(EpisodeResult::new(seed, &episode, room.score()))

@@ -7,7 +7,7 @@ use super::error::CliError;
 use super::loaded::{GraphFolders, merge_options, show as show_progress};
 use super::progress;
 use crate::composer::load_task;
-use crate::graph::{BuildOptions, GraphStatistics, NodeId, TopologicalGraph, build, merge};
+use crate::graph::{BuildOptions, GraphStatistics, Node, NodeId, TopologicalGraph, build, merge};
 use crate::inference::Model;
 use crate::storage::{
     GraphImage, GraphManifest, demonstrations_digest, load_demonstrations, load_graph,
@@ -20,6 +20,9 @@ use crate::view::write_merged_graph_svg;
 /// Cross-task edges that `graph show` lists.
 const LISTED_EDGES: usize = 8;
 
+/// One picture stands for so many steps: with all of them the pictures would outweigh everything else.
+pub(super) const PICTURE_EVERY_STEPS: u32 = 6;
+
 /// `catena graph ...`
 pub(super) fn graph(command: &GraphCommand, arguments: &Arguments) -> Result<(), CliError> {
     match command {
@@ -29,17 +32,28 @@ pub(super) fn graph(command: &GraphCommand, arguments: &Arguments) -> Result<(),
     }
 }
 
-fn build_graph(build_arguments: &GraphBuildArguments, arguments: &Arguments) -> Result<(), CliError> {
+fn build_graph(
+    build_arguments: &GraphBuildArguments,
+    arguments: &Arguments,
+) -> Result<(), CliError> {
     let task = load_task(&build_arguments.task, &arguments.root)?;
     let model = Model::load(&build_arguments.model, arguments.engine.into())?;
     let paths = match &build_arguments.demos {
         Some(demos) => vec![demos.clone()],
         None => task.demonstrations.clone(),
     };
-    let out = build_arguments.out.clone().unwrap_or_else(|| task.graph.clone());
+    let out = build_arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| task.graph.clone());
     let options = BuildOptions::default();
     let digest = demonstrations_digest(&paths)?;
-    if is_up_to_date(&out, &model.digest(), &digest, &serde_json::to_value(&options)?) {
+    if is_up_to_date(
+        &out,
+        &model.digest(),
+        &digest,
+        &serde_json::to_value(&options)?,
+    ) {
         println!("{} is up to date", out.display());
         return Ok(());
     }
@@ -47,14 +61,16 @@ fn build_graph(build_arguments: &GraphBuildArguments, arguments: &Arguments) -> 
     for report in reports.iter().filter(|r| !r.losses.is_empty()) {
         eprintln!("warning: {report}");
     }
-    let set = in_model_space(set, &model)?;
+    let set = in_model_space(&set, &model)?;
     let subgoals: Vec<Vec<(Subgoal, usize)>> = set
         .trajectories()
         .iter()
         .map(|t| locate_subgoals(&task.rules, t))
         .collect::<Result<_, _>>()?;
     let bar = progress::bar("building", 0);
-    let graph = build(&set, &subgoals, &model, &model, &options, &|p| show_progress(&bar, p))?;
+    let graph = build(&set, &subgoals, &model, &model, &options, &|p| {
+        show_progress(&bar, p)
+    })?;
     bar.finish_and_clear();
     let manifest = GraphManifest::new(
         std::slice::from_ref(&task.task),
@@ -63,7 +79,11 @@ fn build_graph(build_arguments: &GraphBuildArguments, arguments: &Arguments) -> 
         serde_json::to_value(&options)?,
     );
     save_graph_with_images(&out, &graph, &manifest, pictures(&set, &graph))?;
-    println!("{}\nin {}", GraphStatistics::new(&graph, LISTED_EDGES), out.display());
+    println!(
+        "{}\nin {}",
+        GraphStatistics::new(&graph, LISTED_EDGES),
+        out.display()
+    );
     Ok(())
 }
 
@@ -83,7 +103,7 @@ fn is_up_to_date(
 }
 
 /// The demonstrations with the model's action space, which has bins where the recordings have none.
-fn in_model_space(set: DemonstrationSet, model: &Model) -> Result<DemonstrationSet, CliError> {
+fn in_model_space(set: &DemonstrationSet, model: &Model) -> Result<DemonstrationSet, CliError> {
     let mut trajectories = set.trajectories().to_vec();
     for trajectory in &mut trajectories {
         trajectory.action_space = model.manifest().spec.action_space.clone();
@@ -91,22 +111,34 @@ fn in_model_space(set: DemonstrationSet, model: &Model) -> Result<DemonstrationS
     Ok(DemonstrationSet::new(set.task(), trajectories)?)
 }
 
-/// The pictures of all states in the order of the graph's nodes.
+/// The pictures of every few states, and of those that reach a subgoal or end a demonstration.
 fn pictures<'a>(
     set: &'a DemonstrationSet,
     graph: &'a TopologicalGraph,
 ) -> impl Iterator<Item = GraphImage> + 'a {
     let steps = set.trajectories().iter().flat_map(|t| &t.steps);
-    graph.nodes().zip(steps).flat_map(|((node, _), step)| {
-        step.observation.iter().map(move |(camera, image)| GraphImage {
-            node,
-            camera: camera.to_owned(),
-            image: image.clone(),
-        })
+    let is_kept = |(_, node): &(NodeId, &Node)| {
+        node.step % PICTURE_EVERY_STEPS == 0 || node.is_end || !node.reached.is_empty()
+    };
+    let states = graph
+        .nodes()
+        .zip(steps)
+        .filter(move |(node, _)| is_kept(node));
+    states.flat_map(|((node, _), step)| {
+        step.observation
+            .iter()
+            .map(move |(camera, image)| GraphImage {
+                node,
+                camera: camera.to_owned(),
+                image: image.clone(),
+            })
     })
 }
 
-fn merge_graphs(merge_arguments: &GraphMergeArguments, arguments: &Arguments) -> Result<(), CliError> {
+fn merge_graphs(
+    merge_arguments: &GraphMergeArguments,
+    arguments: &Arguments,
+) -> Result<(), CliError> {
     let model = Model::load(&merge_arguments.model, arguments.engine.into())?;
     let folders = GraphFolders::load(&merge_arguments.graphs, &model)?;
     let graphs: Vec<&TopologicalGraph> = folders.graphs.iter().collect();
@@ -163,8 +195,15 @@ fn show(arguments: &GraphShowArguments) -> Result<(), CliError> {
         return Ok(());
     }
     println!("{statistics}");
-    println!("model {}", &manifest.model_digest[..12.min(manifest.model_digest.len())]);
-    let ends: Vec<NodeId> = graph.nodes().filter(|(_, n)| n.is_end).map(|(id, _)| id).collect();
+    println!(
+        "model {}",
+        &manifest.model_digest[..12.min(manifest.model_digest.len())]
+    );
+    let ends: Vec<NodeId> = graph
+        .nodes()
+        .filter(|(_, n)| n.is_end)
+        .map(|(id, _)| id)
+        .collect();
     println!("end states: {}", ends.len());
     Ok(())
 }

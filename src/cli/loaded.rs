@@ -162,7 +162,12 @@ fn merge_all(
     if let [graph] = graphs {
         return Ok((graph.clone(), MergeReport::default()));
     }
-    let order: Vec<&str> = composition.automaton.tasks().iter().map(String::as_str).collect();
+    let order: Vec<&str> = composition
+        .automaton
+        .tasks()
+        .iter()
+        .map(String::as_str)
+        .collect();
     let graphs: Vec<&TopologicalGraph> = graphs.iter().collect();
     let merged = merge(&graphs, &order, model, &merge_options(), &|p| show(bar, p))?;
     Ok((merged.graph, merged.report))

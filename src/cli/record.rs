@@ -29,7 +29,7 @@ impl From<LevelArgument> for Level {
 pub(super) fn bedroom_task(name: &str) -> Result<BedroomTask, CliError> {
     BedroomTask::named(name).ok_or_else(|| CliError::UnknownTask {
         found: name.to_owned(),
-        known: BedroomTask::ALL.map(|t| t.name()).join(", "),
+        known: BedroomTask::ALL.map(BedroomTask::name).join(", "),
     })
 }
 
@@ -39,7 +39,11 @@ pub(super) fn record(arguments: &RecordArguments) -> Result<(), CliError> {
     let task = bedroom_task(&arguments.task)?;
     let config = BedroomConfig {
         level: arguments.level.into(),
-        leftovers: if arguments.vary { Leftovers::Varied } else { Leftovers::AtStart },
+        leftovers: if arguments.vary {
+            Leftovers::Varied
+        } else {
+            Leftovers::AtStart
+        },
         ..BedroomConfig::paper(task)
     };
     fs::create_dir_all(&arguments.out).map_err(|source| CliError::Io {

@@ -10,7 +10,7 @@ use serde_json::json;
 use super::arguments::{Arguments, RunArguments};
 use super::compose::{PlanReport, describe, plan};
 use super::error::CliError;
-use super::graph::results_folder;
+use super::graph::{PICTURE_EVERY_STEPS, results_folder};
 use super::loaded::Loaded;
 use super::progress;
 use crate::experiment::{EpisodeResult, ScoredBedroom, SubgoalOutcome};
@@ -19,9 +19,7 @@ use crate::rollout::{Event, Rollout, RolloutObserver, StepRecord};
 use crate::simulator::{Bedroom, PRIMITIVE_SECS};
 use crate::storage::{EpisodeWriter, RecordingMetadata, write_file};
 use crate::trajectory::{Action, ActionSpace, Observation, Step};
-use crate::view::{
-    EventLevel, RolloutRecording, RolloutScene, StepView, write_merged_graph_svg,
-};
+use crate::view::{EventLevel, RolloutRecording, RolloutScene, StepView, write_merged_graph_svg};
 
 /// `summary.json` of a run.
 #[derive(Serialize)]
@@ -113,7 +111,12 @@ pub(super) fn run(run_arguments: &RunArguments, arguments: &Arguments) -> Result
     print_outcome(&subgoals, &result);
     let mut times = result.step_times_ms.clone();
     times.sort_by(f64::total_cmp);
-    let names = ["rollout.mcap", "rollout.rrd", "merged_graph.svg", "summary.json"];
+    let names = [
+        "rollout.mcap",
+        "rollout.rrd",
+        "merged_graph.svg",
+        "summary.json",
+    ];
     let summary = Summary {
         plan: planned.report,
         seed: run_arguments.seed,
@@ -148,7 +151,11 @@ fn print_outcome(subgoals: &[SubgoalSummary], result: &EpisodeResult) {
         };
         println!("  {:<16} {outcome}", subgoal.name);
     }
-    let verdict = if result.success { "success" } else { "no success" };
+    let verdict = if result.success {
+        "success"
+    } else {
+        "no success"
+    };
     println!("{verdict} after {} steps ({})", result.steps, result.ended);
 }
 
@@ -168,8 +175,14 @@ impl RolloutObserver for Recorder<'_> {
             self.failure = self.write_step(record).err();
         }
         self.bar.set_position(record.step as u64);
-        let due = self.loaded.composition.automaton.subgoals().get(record.localisation.stage);
-        self.bar.set_message(due.map_or("done".to_owned(), |s| format!("to {}", s.name)));
+        let due = self
+            .loaded
+            .composition
+            .automaton
+            .subgoals()
+            .get(record.localisation.stage);
+        self.bar
+            .set_message(due.map_or("done".to_owned(), |s| format!("to {}", s.name)));
         for event in &record.events {
             self.tell(event);
         }
@@ -188,9 +201,10 @@ impl RolloutObserver for Recorder<'_> {
 
 impl Recorder<'_> {
     fn tell(&self, event: &Event) {
-        match self.bar.is_hidden() {
-            true => println!("  {event}"),
-            false => self.bar.println(format!("  {event}")),
+        if self.bar.is_hidden() {
+            println!("  {event}");
+        } else {
+            self.bar.println(format!("  {event}"));
         }
     }
 
@@ -239,8 +253,10 @@ impl Recorder<'_> {
                 _ => EventLevel::Warning,
             };
             let time_secs = step as f64 * PRIMITIVE_SECS;
-            self.rerun.log_event(step as u32, time_secs, level, &event.to_string())?;
-            self.mcap.add_json("/event", "catena.Event", &serde_json::to_value(event)?)?;
+            self.rerun
+                .log_event(step as u32, time_secs, level, &event.to_string())?;
+            self.mcap
+                .add_json("/event", "catena.Event", &serde_json::to_value(event)?)?;
         }
         Ok(())
     }
@@ -262,14 +278,20 @@ impl Recorder<'_> {
         Ok(())
     }
 
-    /// How the goal state looked when it was demonstrated; none where the graph has no pictures.
+    /// How the goal state, or the nearest state of its demonstration that was kept as a picture,
+    /// looked when it was demonstrated; none where the graph has no pictures.
     fn goal_observation(&self, node: NodeId) -> Option<Observation> {
         let node = self.loaded.graph.node(node);
-        let image = |camera: &str| {
+        let at = |step: u32, camera: &str| {
             let images = &self.loaded.images;
             images
                 .iter()
-                .find_map(|i| i.image(&node.trajectory, node.step, camera).ok().flatten())
+                .find_map(|i| i.image(&node.trajectory, step, camera).ok().flatten())
+        };
+        let image = |camera: &str| {
+            (0..PICTURE_EVERY_STEPS).find_map(|off| {
+                at(node.step.saturating_sub(off), camera).or_else(|| at(node.step + off, camera))
+            })
         };
         let images: Vec<_> = self
             .scene
@@ -298,9 +320,10 @@ impl Recorder<'_> {
 /// The primitive that ends an episode, where the robot has one.
 fn terminate(space: &ActionSpace) -> Option<Action> {
     match space {
-        ActionSpace::Primitives { names } => {
-            names.iter().position(|n| n == "terminate").map(Action::Primitive)
-        }
+        ActionSpace::Primitives { names } => names
+            .iter()
+            .position(|n| n == "terminate")
+            .map(Action::Primitive),
         _ => None,
     }
 }

@@ -7,13 +7,18 @@ use super::arguments::TrainArguments;
 use super::error::CliError;
 use super::progress;
 use crate::storage::{demonstrations_digest, load_demonstrations};
-use crate::training::{Preset, TrainingConfig, TrainingEvent, TrainingObserver, export, train as fit};
+use crate::training::{
+    Preset, TrainingConfig, TrainingEvent, TrainingObserver, export, train as fit,
+};
 use crate::trajectory::{Action, DemonstrationSet};
 
 /// `catena train`: demonstrations to a model in a folder of ONNX files.
 pub(super) fn train(arguments: &TrainArguments) -> Result<(), CliError> {
     let config = config(arguments)?;
-    let run_folder = arguments.run.clone().unwrap_or_else(|| beside(&arguments.out));
+    let run_folder = arguments
+        .run
+        .clone()
+        .unwrap_or_else(|| beside(&arguments.out));
     if !arguments.resume && run_folder.join(CHECKPOINT).exists() {
         return Err(CliError::RunExists { run: run_folder });
     }
@@ -40,7 +45,7 @@ pub(super) fn train(arguments: &TrainArguments) -> Result<(), CliError> {
         report.model.step,
         100.0 * metrics.traversability_accuracy,
         100.0 * metrics.policy_accuracy,
-        100.0 * metrics.wormhole_rate,
+        100.0 * metrics.look_alike_wormhole_rate,
         &manifest.digest()[..12],
         arguments.out.display(),
     );
@@ -80,7 +85,11 @@ pub(super) fn load_sets(
     let mut sets = Vec::new();
     let mut digests = BTreeMap::new();
     for folder in folders {
-        let task = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let task = folder
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
         let paths = [folder.clone()];
         let (set, reports) = load_demonstrations(&paths, &task)?;
         for report in reports.iter().filter(|r| !r.losses.is_empty()) {
@@ -135,11 +144,24 @@ impl TrainingObserver for Printer {
                 self.bar.set_position(*resumed_from);
                 self.bar.reset_eta();
             }
-            TrainingEvent::Step { step, losses, states_per_sec, .. } => {
+            TrainingEvent::Step {
+                step,
+                losses,
+                states_per_sec,
+                ..
+            } => {
                 self.bar.set_position(*step);
-                self.bar.set_message(format!("loss {:.3}, {states_per_sec:.0} states/s", losses.total));
+                self.bar.set_message(format!(
+                    "loss {:.3}, {states_per_sec:.0} states/s",
+                    losses.total
+                ));
             }
-            TrainingEvent::Validated { step, metrics, is_best, .. } => {
+            TrainingEvent::Validated {
+                step,
+                metrics,
+                is_best,
+                ..
+            } => {
                 let line = format!(
                     "step {step:>6}: held out: traversability loss {:.3}, {:.1} % right; policy loss {:.3}, {:.1} % right{}",
                     metrics.traversability_loss,
@@ -148,9 +170,10 @@ impl TrainingObserver for Printer {
                     100.0 * metrics.policy_accuracy,
                     if *is_best { "  (best)" } else { "" },
                 );
-                match self.bar.is_hidden() {
-                    true => println!("{line}"),
-                    false => self.bar.println(line),
+                if self.bar.is_hidden() {
+                    println!("{line}");
+                } else {
+                    self.bar.println(line);
                 }
             }
             TrainingEvent::CheckpointWritten { .. } => {}

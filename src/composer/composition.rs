@@ -10,6 +10,9 @@ use super::source::{Located, printable};
 use crate::planner::{FinalChoice, PlannerOptions};
 use crate::task::{Automaton, Task};
 
+/// Steps of a run of one task: twice those of a long demonstration.
+const SINGLE_TASK_STEPS: u32 = 200;
+
 /// Tasks in an order, with everything that planning and running them needs to know except their
 /// graphs, which whoever runs it loads from the places named here.
 #[derive(Clone, Debug)]
@@ -40,7 +43,7 @@ pub struct Composition {
 }
 
 impl Composition {
-    /// One task as a composition of its own, with all options at their defaults.
+    /// One task as a composition of its own, with all options at their defaults and at most 200 steps.
     ///
     /// # Errors
     /// A diagnostic when the task names no model.
@@ -55,6 +58,10 @@ impl Composition {
             name: Some(task.spec.name.clone()),
             description: task.description.clone(),
             tasks: vec![task.spec.name.clone()],
+            limits: Limits {
+                steps: SINGLE_TASK_STEPS,
+            }
+            .into(),
             ..CompositionSpec::default()
         };
         // The root plays no part: only a composition's own paths are joined with it.

@@ -2,12 +2,13 @@
 
 use super::reader::Reader;
 use super::yaml::{Node, Value};
-use crate::planner::{EdgeChoice, EdgeCost, PlannerOptions, Search};
+use crate::planner::{EdgeChoice, EdgeCost, Join, PlannerOptions, Search};
 
 const KEYS: &[&str] = &[
     "search",
     "cost",
     "edges",
+    "join",
     "forward_leap_steps",
     "min_live_probability",
     "lookahead_steps",
@@ -48,6 +49,12 @@ pub(super) fn read_planner(node: &Node, reader: &mut Reader<'_>) -> PlannerOptio
         options.edges = reader
             .choice(node, "edges", &choices)
             .unwrap_or(options.edges);
+    }
+    if let Some(node) = fields.value("join") {
+        let choices = [("cheapest", Join::Cheapest), ("believed", Join::Believed)];
+        options.join = reader
+            .choice(node, "join", &choices)
+            .unwrap_or(options.join);
     }
     if let Some(node) = fields.value("forward_leap_steps") {
         options.forward_leap_steps = if node.as_text() == Some("any") {

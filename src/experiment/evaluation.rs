@@ -110,7 +110,10 @@ impl Evaluation {
         results: Vec<EpisodeResult>,
     ) -> Self {
         let successes: Vec<_> = results.iter().filter(|r| r.success).collect();
-        let mut times: Vec<f64> = results.iter().flat_map(|r| r.step_times_ms.clone()).collect();
+        let mut times: Vec<f64> = results
+            .iter()
+            .flat_map(|r| r.step_times_ms.clone())
+            .collect();
         times.sort_by(f64::total_cmp);
         let mut steps: Vec<_> = successes.iter().map(|r| r.steps).collect();
         steps.sort_unstable();
@@ -167,9 +170,17 @@ impl fmt::Display for Evaluation {
             self.seed,
             self.seed + (self.episodes as u64).saturating_sub(1),
         )?;
-        writeln!(f, "  {:<16} {:>8} {:>8} {:>8}", "subgoal", "reached", "skipped", "missed")?;
+        writeln!(
+            f,
+            "  {:<16} {:>8} {:>8} {:>8}",
+            "subgoal", "reached", "skipped", "missed"
+        )?;
         for s in &self.subgoals {
-            writeln!(f, "  {:<16} {:>8} {:>8} {:>8}", s.name, s.reached, s.skipped, s.missed)?;
+            writeln!(
+                f,
+                "  {:<16} {:>8} {:>8} {:>8}",
+                s.name, s.reached, s.skipped, s.missed
+            )?;
         }
         if let Some(steps) = self.steps_median {
             writeln!(f, "  median steps of a success: {steps}")?;

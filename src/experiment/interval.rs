@@ -8,7 +8,10 @@
 /// If there are more successes than trials.
 #[must_use]
 pub fn wilson_interval_95(successes: usize, trials: usize) -> [f64; 2] {
-    assert!(successes <= trials, "{successes} successes in {trials} trials");
+    assert!(
+        successes <= trials,
+        "{successes} successes in {trials} trials"
+    );
     if trials == 0 {
         return [0.0, 1.0];
     }
@@ -35,7 +38,10 @@ mod tests {
         assert!((low - 0.2553).abs() < 5e-5, "{low}");
         assert!((high - 0.3662).abs() < 5e-5, "{high}");
         let [low, high] = wilson_interval_95(0, 20);
-        assert!(low.abs() < 1e-12 && (high - 0.1611).abs() < 5e-5, "{low} {high}");
+        assert!(
+            low.abs() < 1e-12 && (high - 0.1611).abs() < 5e-5,
+            "{low} {high}"
+        );
     }
 
     #[test]

@@ -25,7 +25,11 @@ impl Score {
     /// A score for the subgoals of an automaton, none of them reached.
     #[must_use]
     pub fn new(automaton: &Automaton) -> Self {
-        let names: Vec<_> = automaton.subgoals().iter().map(|s| s.name.clone()).collect();
+        let names: Vec<_> = automaton
+            .subgoals()
+            .iter()
+            .map(|s| s.name.clone())
+            .collect();
         Self {
             first_step: vec![None; names.len()],
             names,
@@ -69,7 +73,9 @@ impl Score {
     /// Whether every subgoal was reached, each after the ones before it.
     #[must_use]
     pub fn is_success(&self) -> bool {
-        self.outcomes().iter().all(|o| *o == SubgoalOutcome::Reached)
+        self.outcomes()
+            .iter()
+            .all(|o| *o == SubgoalOutcome::Reached)
     }
 }
 

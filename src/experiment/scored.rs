@@ -32,7 +32,8 @@ impl ScoredBedroom {
 
     fn judge(&mut self) {
         let truth = self.bedroom.truth();
-        self.score.observe(self.step, |name| truth.holds(name) == Some(true));
+        self.score
+            .observe(self.step, |name| truth.holds(name) == Some(true));
     }
 }
 

@@ -89,7 +89,6 @@ impl Engine {
             };
         }
         let engine: &'static Self = Box::leak(Box::new(Self::start(choice)?));
-        tracing::debug!(engine = engine.description, "inference engine chosen");
         *chosen = Some(engine);
         Ok(engine)
     }

@@ -4,7 +4,9 @@ use thiserror::Error;
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum ModelError {
     /// An observation lacks a camera that the model was trained with.
-    #[error("the model needs camera '{camera}' at {height}x{width}; the observation has: {present}")]
+    #[error(
+        "the model needs camera '{camera}' at {height}x{width}; the observation has: {present}"
+    )]
     CameraMissing {
         /// The camera.
         camera: String,

@@ -104,6 +104,9 @@ pub struct ValidationMetrics {
     pub traversability_accuracy: f64,
     /// Share of the far pairs that were taken for near ones.
     pub wormhole_rate: f64,
+    /// The same share of those pairs of one demonstration that look most alike.
+    #[serde(default)]
+    pub look_alike_wormhole_rate: f64,
     /// Mean policy loss of the pairs and heads.
     pub policy_loss: f64,
     /// Share of the actions whose most probable class is right, averaged over the heads.
@@ -164,6 +167,9 @@ impl ModelManifest {
 
     /// A digest of the model as a whole: of its specification, temperature and files, so that two
     /// models agree in it exactly when they compute the same.
+    ///
+    /// # Panics
+    /// Never: every field has a JSON form.
     #[must_use]
     pub fn digest(&self) -> String {
         let what = (

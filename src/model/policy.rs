@@ -25,6 +25,35 @@ impl ActionDistribution {
             .collect()
     }
 
+    /// The weighted mean of distributions over the same heads; weights need not sum to 1.
+    ///
+    /// # Panics
+    /// If there is none, or their heads differ.
+    #[must_use]
+    pub fn mixture(parts: &[(Self, f32)]) -> Self {
+        let total: f32 = parts.iter().map(|(_, weight)| weight).sum();
+        let mut heads: Vec<Vec<f32>> = parts[0]
+            .0
+            .heads
+            .iter()
+            .map(|head| vec![0.0; head.len()])
+            .collect();
+        for (part, weight) in parts {
+            assert_eq!(
+                part.heads.len(),
+                heads.len(),
+                "distributions of different heads"
+            );
+            for (mean, head) in heads.iter_mut().zip(&part.heads) {
+                assert_eq!(mean.len(), head.len(), "heads of different classes");
+                for (m, p) in mean.iter_mut().zip(head) {
+                    *m += p * weight / total;
+                }
+            }
+        }
+        Self { heads }
+    }
+
     /// Shannon entropy in nats, summed over the heads; 0 for a policy that is certain.
     #[must_use]
     pub fn entropy(&self) -> f32 {

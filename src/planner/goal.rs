@@ -1,5 +1,5 @@
 use super::no_path::explain_live;
-use super::{LiveDistances, Localisation, NoPath, PlaceId, Planner, Price, Search};
+use super::{Join, LiveDistances, Localisation, NoPath, PlaceId, Planner, Price, Search};
 use crate::graph::NodeId;
 
 /// What a goal state was chosen by.
@@ -7,8 +7,8 @@ use crate::graph::NodeId;
 pub enum GoalBasis {
     /// The predicted distances from the current state.
     Distances,
-    /// No state that may come next seems near: the plan goes on from where the filter believes the
-    /// robot to be.
+    /// The plan goes on from where the filter believes the robot to be: as the options ask, or because
+    /// no state that may come next seems near.
     Belief,
 }
 
@@ -44,8 +44,10 @@ impl Planner {
     /// The goal state for now: the best place to join the graph, and from there along the route up to
     /// [`lookahead_steps`](super::PlannerOptions::lookahead_steps), not past a subgoal that is due.
     ///
-    /// A search in order joins only where the stage allows it and, unless the robot is lost, not
-    /// further ahead than the options allow. Where nothing is near enough, it goes on from where the
+    /// With [`Join::Believed`] the plan goes on from where the filter believes the robot to be, and a lost
+    /// robot is sent to the state of its stage that is most probably near. With [`Join::Cheapest`] a
+    /// search in order joins only where the stage allows it and, unless the robot is lost, not further
+    /// ahead than the options allow. Where nothing is near enough, it goes on from where the
     /// filter believes the robot to be ([`GoalBasis::Belief`]).
     ///
     /// # Errors
@@ -63,6 +65,15 @@ impl Planner {
             self.graph.node_count(),
             "distances of another graph"
         );
+        let trusts_belief = self.options.join == Join::Believed && !localisation.is_lost;
+        if let Some(entry) = self.believed_entry(localisation).filter(|_| trusts_belief) {
+            return Ok(self.choose(localisation, distances, &entry, GoalBasis::Belief));
+        }
+        if self.options.join == Join::Believed
+            && let Some(entry) = self.nearest_entry(localisation, distances)
+        {
+            return Ok(self.choose(localisation, distances, &entry, GoalBasis::Distances));
+        }
         if let Some(entry) = self.best_entry(localisation, distances) {
             return Ok(self.choose(localisation, distances, &entry, GoalBasis::Distances));
         }
@@ -70,6 +81,60 @@ impl Planner {
             Some(entry) => Ok(self.choose(localisation, distances, &entry, GoalBasis::Belief)),
             None => Err(explain_live(self, localisation, distances)),
         }
+    }
+
+    /// The goal state for a robot at `place`, a place of a plan in order: where the route leads from
+    /// there. A belief spread over several places gives several goal states, which a policy can be
+    /// averaged over; see [`StageFilter::most_probable_places`](super::StageFilter::most_probable_places).
+    ///
+    /// `None` where no route leads on from the place.
+    ///
+    /// # Panics
+    /// If the place is not in the layout.
+    #[must_use]
+    pub fn goal_from(
+        &self,
+        place: PlaceId,
+        localisation: &Localisation,
+        distances: &LiveDistances,
+    ) -> Option<GoalChoice> {
+        let entry = Entry {
+            place,
+            price: Price {
+                cost: 0.0,
+                steps: 0,
+            },
+            total: self.costs.cost(place)?,
+        };
+        Some(self.choose(localisation, distances, &entry, GoalBasis::Belief))
+    }
+
+    /// The place of the current stage that is most probably near: the way back for a lost robot.
+    fn nearest_entry(
+        &self,
+        localisation: &Localisation,
+        distances: &LiveDistances,
+    ) -> Option<Entry> {
+        let mut best: Option<(f32, PlaceId)> = None;
+        for place in self.all_places() {
+            let is_of_stage = self.layout.place(place).stage == localisation.stage;
+            let near = distances.connected_probability(self.layout.place(place).node);
+            if let Some(near) = near.filter(|_| is_of_stage && self.costs.cost(place).is_some())
+                && best.is_none_or(|(b, _)| near > b)
+            {
+                best = Some((near, place));
+            }
+        }
+        let (_, place) = best?;
+        let steps = self.options.lookahead_steps;
+        Some(Entry {
+            place,
+            price: Price {
+                cost: f64::from(steps),
+                steps,
+            },
+            total: f64::from(steps) + self.costs.cost(place)?,
+        })
     }
 
     /// The place with the least cost from the current state to the final state through it.

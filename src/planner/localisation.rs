@@ -45,7 +45,7 @@ impl Default for FilterOptions {
             hurry: 0.15,
             jump: 0.05,
             restart: 1e-4,
-            evidence_weight: 0.7,
+            evidence_weight: 1.5,
             floor: 1e-3,
             advance_mass: 0.6,
             advance_votes: 2,
@@ -83,7 +83,7 @@ pub enum StageChange {
 /// Where in the composition the robot is believed to be.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Localisation {
-    /// The most probable state.
+    /// The most probable state of the current stage, or of any where that stage is out of question.
     pub node: NodeId,
     /// At which of the composition's tasks, from 0.
     pub occurrence: usize,
@@ -130,6 +130,10 @@ struct Votes {
 
 /// How far into the first task the robot may be at the beginning: mean of an exponential.
 const START_STEPS: f64 = 4.0;
+/// Share of the largest belief below which a place does not count.
+const RULED_OUT: f64 = 0.02;
+/// Probability below which the current stage is out of question.
+const POSSIBLE: f64 = 0.02;
 /// Probability that a stage must have had once for its subgoal to count as seen.
 const SEEN: f64 = 0.3;
 
@@ -202,6 +206,24 @@ impl StageFilter {
         &self.belief
     }
 
+    /// The most probable places of the current stage with their shares of the belief in all of them, the
+    /// most probable one first: at most `count`, and none that is `1 / RULED_OUT` times less probable than
+    /// the first.
+    #[must_use]
+    pub fn most_probable_places(&self, count: usize) -> Vec<(PlaceId, f64)> {
+        let of_stage = |i: &usize| self.layout.places()[*i].stage == self.stage;
+        let mut places: Vec<usize> = (0..self.belief.len()).filter(of_stage).collect();
+        places.sort_by(|a, b| self.belief[*b].total_cmp(&self.belief[*a]).then(a.cmp(b)));
+        let least = places.first().map_or(0.0, |i| self.belief[*i] * RULED_OUT);
+        places.truncate(count);
+        places.retain(|i| self.belief[*i] >= least);
+        let total: f64 = places.iter().map(|i| self.belief[*i]).sum();
+        places
+            .into_iter()
+            .map(|i| (PlaceId(i as u32), self.belief[i] / total))
+            .collect()
+    }
+
     /// Takes the robot to be at a stage, whatever the votes say.
     ///
     /// # Panics
@@ -219,17 +241,54 @@ impl StageFilter {
 
     /// One step on: the robot acted, and now sees something at these distances.
     pub fn update(&mut self, distances: &LiveDistances) -> Localisation {
-        let mut belief = self
-            .motion
-            .predict(&self.layout, &self.options, &self.belief);
+        let mut belief = if self.is_lost() {
+            self.anywhere_in_stage()
+        } else {
+            self.motion
+                .predict(&self.layout, &self.options, &self.belief)
+        };
         for (mass, place) in belief.iter_mut().zip(self.layout.places()) {
             *mass *= self.likelihood(distances, place.node);
         }
         normalise(&mut belief);
         self.belief = belief;
         let stage_probabilities = self.stage_probabilities();
-        let change = self.vote(&stage_probabilities);
-        self.localise(distances, stage_probabilities, change)
+        let fit = self.fit(distances);
+        // What is seen is like nothing that is believed: a belief that only drifts on decides nothing.
+        let is_unfit = fit < self.options.lost_probability;
+        let change = if is_unfit {
+            None
+        } else {
+            self.vote(&stage_probabilities)
+        };
+        self.unfit_steps = if is_unfit { self.unfit_steps + 1 } else { 0 };
+        self.localise(fit, stage_probabilities, change)
+    }
+
+    fn is_lost(&self) -> bool {
+        self.unfit_steps > 0 && self.unfit_steps >= self.options.lost_patience
+    }
+
+    /// What a lost robot starts from: any state of the current stage is as likely as any other. A
+    /// belief that moved on without evidence would lead it through the task with closed eyes.
+    fn anywhere_in_stage(&self) -> Vec<f64> {
+        let places = self.layout.places().iter();
+        places
+            .map(|place| f64::from(u8::from(place.stage == self.stage)) + self.options.restart)
+            .collect()
+    }
+
+    /// The most probable place of the current stage; of all stages where that one is out of question.
+    fn best_place(&self, stage_probabilities: &[f64]) -> PlaceId {
+        let is_possible = stage_probabilities[self.stage] >= POSSIBLE;
+        let mut best: Option<usize> = None;
+        for (i, place) in self.layout.places().iter().enumerate() {
+            let counts = place.stage == self.stage || !is_possible;
+            if counts && best.is_none_or(|b| self.belief[i] > self.belief[b]) {
+                best = Some(i);
+            }
+        }
+        PlaceId(best.unwrap_or(0) as u32)
     }
 
     /// How well the distances from and to a state fit with the robot being at it: both are one step
@@ -295,24 +354,22 @@ impl StageFilter {
         (self.votes.ahead == patience).then_some(StageChange::Shortcut { to, skipped })
     }
 
+    /// Mean probability, by belief, that what is seen is connected to where the robot is believed to be.
+    fn fit(&self, distances: &LiveDistances) -> f64 {
+        let connected = |node| f64::from(distances.connected_probability(node).unwrap_or(0.0));
+        let masses = self.belief.iter().zip(self.layout.places());
+        masses
+            .map(|(mass, place)| mass * connected(place.node))
+            .sum()
+    }
+
     fn localise(
-        &mut self,
-        distances: &LiveDistances,
+        &self,
+        fit: f64,
         stage_probabilities: Vec<f64>,
         change: Option<StageChange>,
     ) -> Localisation {
-        let best = self
-            .layout
-            .place(PlaceId(most_probable(&self.belief) as u32));
-        let connected = |node| f64::from(distances.connected_probability(node).unwrap_or(0.0));
-        let fit: f64 = self
-            .belief
-            .iter()
-            .zip(self.layout.places())
-            .map(|(mass, place)| mass * connected(place.node))
-            .sum();
-        let is_unfit = fit < self.options.lost_probability;
-        self.unfit_steps = if is_unfit { self.unfit_steps + 1 } else { 0 };
+        let best = self.layout.place(self.best_place(&stage_probabilities));
         Localisation {
             node: best.node,
             occurrence: best.occurrence,
@@ -321,7 +378,7 @@ impl StageFilter {
             stage_probabilities,
             entropy_nats: entropy(&self.belief),
             fit,
-            is_lost: self.unfit_steps > 0 && self.unfit_steps >= self.options.lost_patience,
+            is_lost: self.is_lost(),
             change,
         }
     }

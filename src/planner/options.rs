@@ -22,6 +22,17 @@ pub enum EdgeChoice {
     All,
 }
 
+/// Where a plan joins the graph.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Join {
+    /// At whichever state is cheapest to go through by its predicted distance, as in the paper. The
+    /// cheapest of thousands of predictions is one that errs on the short side.
+    Cheapest,
+    /// At the state where the filter believes the robot to be; a lost robot joins where it is nearest.
+    Believed,
+}
+
 /// How to plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -32,6 +43,8 @@ pub struct PlannerOptions {
     pub cost: EdgeCost,
     /// Which edges a plan may use.
     pub edges: EdgeChoice,
+    /// Where a plan joins the graph.
+    pub join: Join,
     /// How many steps further along the composition a predicted edge may lead than it takes, in the
     /// median time of the demonstrations; `None` lets it lead anywhere. Bounds what a false edge can
     /// gain.
@@ -50,6 +63,7 @@ impl Default for PlannerOptions {
             search: Search::InOrder,
             cost: EdgeCost::RiskAverse { lambda: 3.0 },
             edges: EdgeChoice::TemporalOnly,
+            join: Join::Believed,
             forward_leap_steps: Some(3),
             min_live_probability: 0.1,
             lookahead_steps: 3,
@@ -66,6 +80,7 @@ impl PlannerOptions {
             search: Search::Unconstrained,
             cost: EdgeCost::Argmax,
             edges: EdgeChoice::All,
+            join: Join::Cheapest,
             forward_leap_steps: None,
             min_live_probability: 0.0,
             lookahead_steps: 0,

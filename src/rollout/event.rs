@@ -95,7 +95,11 @@ impl fmt::Display for Event {
                 )
             }
             Self::SetBack { step, subgoal, .. } => {
-                write!(f, "step {step}: {}/{} is due again", subgoal.task, subgoal.name)
+                write!(
+                    f,
+                    "step {step}: {}/{} is due again",
+                    subgoal.task, subgoal.name
+                )
             }
             Self::Lost { step } => write!(f, "step {step}: lost"),
             Self::Found { step } => write!(f, "step {step}: found again"),

@@ -13,16 +13,23 @@ pub struct RolloutOptions {
     pub on_shortcut: OnShortcut,
     /// How the robot is followed along the composition.
     pub filter: FilterOptions,
+    /// At how many of the most probable states the robot may be for the policy to be averaged over the
+    /// goal states that follow from them; 1 takes the most probable one alone, as in the paper.
+    pub hypotheses: usize,
     /// Least probability that a state is near for distances back from it to be asked for.
     pub near_probability: f32,
+    /// Steps without a lower cost-to-go until actions are drawn by their probabilities instead of
+    /// taking the most probable one.
+    pub doubt_steps: usize,
     /// Steps without a lower cost-to-go until the goal state is made dearer.
     pub patience_steps: usize,
     /// What a goal state that was not reached costs extra, in steps.
     pub penalty_steps: f64,
     /// Share of such an extra that is left after each step.
     pub penalty_keep: f64,
-    /// Mean change of a pixel (0..=255) between two images below which an action is taken to have
-    /// had no effect, and is not tried again until something moves.
+    /// Change of the mean value (0..=255) of a patch of 10x10 pixels that shows that something moved.
+    /// An action after which no patch of any camera changed so much is taken to have had no effect,
+    /// and is not tried again until something moves.
     pub still_levels: f32,
     /// Steps for which the last stage must last until a run that never gets to a final state ends.
     pub settle_steps: usize,
@@ -34,11 +41,13 @@ impl Default for RolloutOptions {
             max_steps: 400,
             on_shortcut: OnShortcut::default(),
             filter: FilterOptions::default(),
+            hypotheses: 12,
             near_probability: 0.02,
+            doubt_steps: 6,
             patience_steps: 12,
             penalty_steps: 4.0,
             penalty_keep: 0.97,
-            still_levels: 1.6,
+            still_levels: 4.0,
             settle_steps: 12,
         }
     }

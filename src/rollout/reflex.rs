@@ -1,5 +1,8 @@
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+
 use crate::model::ActionDistribution;
-use crate::trajectory::Observation;
+use crate::trajectory::{Image, Observation};
 
 /// Keeps a robot from trying what just had no effect: an arm at its limit, a base against furniture.
 ///
@@ -11,7 +14,7 @@ pub(super) struct Reflex {
 }
 
 impl Reflex {
-    /// Notes what `tried` did: nothing, if no pixel changed by more than `still_levels` on average.
+    /// Notes what `tried` did: nothing, if no part of an image changed by `still_levels`.
     pub(super) fn note(
         &mut self,
         tried: &[usize],
@@ -19,7 +22,7 @@ impl Reflex {
         after: &Observation,
         still_levels: f32,
     ) {
-        if largest_mean_change(before, after) < still_levels {
+        if largest_change(before, after) < still_levels {
             self.ruled_out.push(tried.to_vec());
         } else {
             self.ruled_out.clear();
@@ -34,35 +37,73 @@ impl Reflex {
         let [head] = &distribution.heads[..] else {
             return best;
         };
-        let allowed = |class: &usize| !self.ruled_out.iter().any(|r| r[..] == [*class]);
-        (0..head.len())
-            .filter(allowed)
+        self.allowed(head.len())
             .max_by(|a, b| head[*a].total_cmp(&head[*b]).then(b.cmp(a)))
             .map_or(best, |class| vec![class])
     }
+
+    /// Classes drawn by their probabilities, with what is ruled out left out: a robot that does the
+    /// same again and again gets out of it by doing something else that is not improbable.
+    pub(super) fn draw(
+        &self,
+        distribution: &ActionDistribution,
+        rng: &mut ChaCha8Rng,
+    ) -> Vec<usize> {
+        let [head] = &distribution.heads[..] else {
+            return distribution.most_probable();
+        };
+        let total: f32 = self.allowed(head.len()).map(|class| head[class]).sum();
+        let mut lot = rng.random_range(0.0..=1.0_f32) * total;
+        self.allowed(head.len())
+            .find(|class| {
+                lot -= head[*class];
+                lot <= 0.0
+            })
+            .map_or_else(|| self.choose(distribution), |class| vec![class])
+    }
+
+    fn allowed(&self, classes: usize) -> impl Iterator<Item = usize> {
+        (0..classes).filter(|class| !self.ruled_out.iter().any(|r| r[..] == [*class]))
+    }
 }
 
-/// The mean absolute change of a channel value, of the camera that changed most.
-fn largest_mean_change(before: &Observation, after: &Observation) -> f32 {
+/// Side of the squares whose mean values are compared, in pixels: large enough for camera noise to
+/// average out, small enough for a finger to show.
+const SQUARE_PIXELS: usize = 10;
+
+/// The largest change of the mean value of a square of pixels, in any channel of any camera.
+fn largest_change(before: &Observation, after: &Observation) -> f32 {
     before
         .iter()
         .filter_map(|(camera, old)| {
             let new = after.image(camera).ok()?;
-            let sum: u64 = old
-                .rgb()
-                .iter()
-                .zip(new.rgb())
-                .map(|(a, b)| u64::from(a.abs_diff(*b)))
-                .sum();
-            Some(sum as f32 / old.rgb().len().max(1) as f32)
+            let changes = square_means(old).zip(square_means(new));
+            Some(changes.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max))
         })
         .fold(0.0, f32::max)
 }
 
+/// Mean value of each channel of each square, row by row; squares at the far edges may be smaller.
+fn square_means(image: &Image) -> impl Iterator<Item = f32> {
+    let (height, width) = (image.height() as usize, image.width() as usize);
+    let columns = width.div_ceil(SQUARE_PIXELS);
+    let mut sums = vec![(0_u32, 0_u32); columns * height.div_ceil(SQUARE_PIXELS) * 3];
+    for (i, value) in image.rgb().iter().enumerate() {
+        let (y, x, channel) = (i / 3 / width, i / 3 % width, i % 3);
+        let square = y / SQUARE_PIXELS * columns + x / SQUARE_PIXELS;
+        let (sum, count) = &mut sums[square * 3 + channel];
+        *sum += u32::from(*value);
+        *count += 1;
+    }
+    sums.into_iter()
+        .map(|(sum, count)| sum as f32 / count.max(1) as f32)
+}
+
 #[cfg(test)]
 mod tests {
+    use rand::SeedableRng;
+
     use super::*;
-    use crate::trajectory::Image;
 
     fn grey(level: u8) -> Observation {
         let image = Image::new(1, 2, vec![level; 6]).expect("6 bytes");
@@ -84,5 +125,21 @@ mod tests {
         assert_eq!(reflex.choose(&policy), [1], "nothing is left: try again");
         reflex.note(&[1], &grey(11), &grey(90), 2.0);
         assert_eq!(reflex.choose(&policy), [1]);
+    }
+
+    #[test]
+    fn lots_follow_the_probabilities_and_leave_out_what_is_ruled_out() {
+        let policy = ActionDistribution {
+            heads: vec![vec![0.2, 0.5, 0.3]],
+        };
+        let mut reflex = Reflex::default();
+        reflex.note(&[1], &grey(10), &grey(10), 2.0);
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut counts = [0; 3];
+        for _ in 0..1000 {
+            counts[reflex.draw(&policy, &mut rng)[0]] += 1;
+        }
+        assert_eq!(counts[1], 0);
+        assert!((350..450).contains(&counts[0]), "{counts:?}: 0.2 of 0.5");
     }
 }

@@ -1,6 +1,8 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::reflex::Reflex;
@@ -8,8 +10,12 @@ use super::{Event, RolloutError, RolloutObserver, RolloutOptions, StepRecord, St
 use crate::composer::OnShortcut;
 use crate::environment::Environment;
 use crate::graph::NodeId;
-use crate::model::{ActionDistribution, Encoder, Latents, LocalPolicy, Projections, Traversability};
-use crate::planner::{GoalChoice, LiveDistances, Localisation, Planner, StageChange, StageFilter};
+use crate::model::{
+    ActionDistribution, Encoder, Latents, LocalPolicy, Projections, Traversability,
+};
+use crate::planner::{
+    GoalChoice, Join, LiveDistances, Localisation, Planner, Search, StageChange, StageFilter,
+};
 use crate::trajectory::{Observation, State};
 
 /// The three parts of a learned model; one object often is all of them.
@@ -119,7 +125,7 @@ impl<'a> Rollout<'a> {
         let first = environment
             .reset(seed)
             .map_err(|source| RolloutError::Environment { step: 0, source })?;
-        let mut run = Run::new(first);
+        let mut run = Run::new(first, seed);
         let end = loop {
             if let Some(end) = self.step(&mut run, environment, observer)? {
                 break end;
@@ -166,7 +172,7 @@ impl<'a> Rollout<'a> {
         if step >= self.options.max_steps {
             return Ok(Some(EpisodeEnd::OutOfSteps));
         }
-        let (distribution, classes) = self.act(run, &latent, goal.node)?;
+        let (distribution, classes) = self.act(run, &latent, &localisation, &goal)?;
         let act_ms = watch.lap_ms();
         let action = environment
             .action_space()
@@ -236,9 +242,10 @@ impl<'a> Rollout<'a> {
         let step = run.step;
         if localisation.is_lost != run.is_lost {
             run.is_lost = localisation.is_lost;
-            run.pending.push(match run.is_lost {
-                true => Event::Lost { step },
-                false => Event::Found { step },
+            run.pending.push(if run.is_lost {
+                Event::Lost { step }
+            } else {
+                Event::Found { step }
             });
         }
         run.lost_steps += usize::from(run.is_lost);
@@ -249,12 +256,12 @@ impl<'a> Rollout<'a> {
         let subgoals = self.planner.automaton().subgoals();
         match localisation.change.clone()? {
             StageChange::Advanced { to } => {
-                for stage in run.stage..to {
+                for (stage, subgoal) in (run.stage + 1..=to).zip(&subgoals[run.stage..]) {
                     run.pending.push(Event::SubgoalReached {
                         step,
-                        stage: stage + 1,
-                        subgoal: subgoals[stage].clone(),
-                        confidence: confidence(stage + 1),
+                        stage,
+                        subgoal: subgoal.clone(),
+                        confidence: confidence(stage),
                     });
                 }
                 run.enter(to);
@@ -316,21 +323,60 @@ impl<'a> Rollout<'a> {
 
     fn act(
         &self,
-        run: &Run,
+        run: &mut Run,
         latent: &Latents,
-        goal: NodeId,
+        localisation: &Localisation,
+        goal: &GoalChoice,
     ) -> Result<(ActionDistribution, Vec<usize>), RolloutError> {
-        let goal = self.planner.graph().latents().row(goal.index());
-        let distribution =
-            self.model
-                .policy
-                .act(latent.row(0), goal)
-                .map_err(|source| RolloutError::Model {
-                    step: run.step,
-                    source,
-                })?;
-        let classes = run.reflex.choose(&distribution);
+        let mut parts = Vec::new();
+        for (node, weight) in self.goal_states(run, localisation, goal) {
+            let goal = self.planner.graph().latents().row(node.index());
+            let part = self.model.policy.act(latent.row(0), goal);
+            let part = part.map_err(|source| RolloutError::Model {
+                step: run.step,
+                source,
+            })?;
+            parts.push((part, weight as f32));
+        }
+        let distribution = ActionDistribution::mixture(&parts);
+        let is_stuck = run.step - run.progress_step >= self.options.doubt_steps;
+        let classes = if is_stuck {
+            run.reflex.draw(&distribution, &mut run.rng)
+        } else {
+            run.reflex.choose(&distribution)
+        };
         Ok((distribution, classes))
+    }
+}
+
+impl Rollout<'_> {
+    /// The goal states that follow from where the robot may be, with their weights: a belief over
+    /// several states is not settled by taking the first of them.
+    fn goal_states(
+        &self,
+        run: &Run,
+        localisation: &Localisation,
+        goal: &GoalChoice,
+    ) -> Vec<(NodeId, f64)> {
+        let options = self.planner.options();
+        let one = vec![(goal.node, 1.0)];
+        if options.search != Search::InOrder
+            || options.join != Join::Believed
+            || localisation.is_lost
+        {
+            return one;
+        }
+        let places = self.filter.most_probable_places(self.options.hypotheses);
+        let goals: Vec<(NodeId, f64)> = places
+            .into_iter()
+            .filter_map(|(place, weight)| {
+                let goal = self
+                    .planner
+                    .goal_from(place, localisation, &run.distances)?;
+                Some((goal.node, weight))
+            })
+            .collect();
+        if goals.is_empty() { one } else { goals }
     }
 }
 
@@ -346,13 +392,14 @@ struct Run {
     least_cost: f64,
     progress_step: usize,
     reflex: Reflex,
+    rng: ChaCha8Rng,
     pending: Vec<Event>,
     events: Vec<Event>,
     times: Vec<StepTimes>,
 }
 
 impl Run {
-    fn new(first: Observation) -> Self {
+    fn new(first: Observation, seed: u64) -> Self {
         Self {
             step: 0,
             history: vec![Arc::new(first)],
@@ -364,6 +411,7 @@ impl Run {
             least_cost: f64::INFINITY,
             progress_step: 0,
             reflex: Reflex::default(),
+            rng: ChaCha8Rng::seed_from_u64(seed),
             pending: Vec::new(),
             events: Vec::new(),
             times: Vec::new(),

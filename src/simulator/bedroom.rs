@@ -1,13 +1,11 @@
 //! The simulated bedroom as a robot's environment: images in, primitives out.
 
-use std::f32::consts::FRAC_PI_3;
-
 use nalgebra::{Isometry3, Point3, Vector3};
 use rand::{RngCore, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::decor::decoration;
+use super::decor::{decoration, decoration_open_to_the_south};
 use super::layout::Layout;
 use super::primitive::Primitive;
 use super::render::{Camera, Lighting, Renderer, Scene, Visual};
@@ -26,6 +24,9 @@ pub const CAMERA_WIDTH: u32 = 160;
 pub const HEAD_CAMERA: &str = "head";
 /// Name of the camera above the gripper.
 pub const WRIST_CAMERA: &str = "wrist";
+
+/// Vertical field of view of [`Bedroom::render_overview`].
+const OVERVIEW_FOV_RAD: f32 = 0.663;
 
 /// What a bedroom's episodes look like.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -149,21 +150,25 @@ impl Bedroom {
         visuals
     }
 
-    /// A picture of the whole room from above its south-east corner.
+    /// A picture of the whole room from outside, its south wall taken away.
     pub fn render_overview(&mut self, height: u32, width: u32) -> Image {
-        let [west, east, south, north] = self.layout.walls_m;
-        let middle = Point3::new(0.5 * (west + east), 0.5 * (south + north), 0.15);
-        let eye = Point3::new(0.2 * east, south + 0.1, 2.9);
-        let scene = self.scene();
-        self.renderer.render(
-            &scene,
-            &Camera {
-                world_from_camera: looking(eye, middle),
-                vertical_fov_rad: FRAC_PI_3,
-                height,
-                width,
-            },
-        )
+        let mut visuals = self.world.visuals();
+        visuals.extend(decoration_open_to_the_south());
+        let scene = Scene {
+            visuals,
+            ..self.scene()
+        };
+        let [_, _, south, _] = self.layout.walls_m;
+        let camera = Camera {
+            world_from_camera: looking(
+                Point3::new(0.25, south - 2.3, 2.9),
+                Point3::new(0.35, 0.3, 0.55),
+            ),
+            vertical_fov_rad: OVERVIEW_FOV_RAD,
+            height,
+            width,
+        };
+        self.renderer.render(&scene, &camera)
     }
 
     fn scene(&self) -> Scene {

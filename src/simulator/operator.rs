@@ -26,6 +26,11 @@ pub struct Habits {
     pub hesitation: f64,
     /// Chance that a grasp is tried one primitive too early.
     pub early_grasp: f64,
+    /// Chance that the wrong key of the same part of the robot is pressed. Whatever comes of it is put
+    /// right, which shows how to come back from a little off the way.
+    pub slip: f64,
+    /// Chance that a slip is pressed once more before it is noticed.
+    pub slip_again: f64,
 }
 
 impl Default for Habits {
@@ -34,7 +39,9 @@ impl Default for Habits {
         Self {
             overshoot: 0.08,
             hesitation: 0.015,
-            early_grasp: 0.06,
+            early_grasp: 0.15,
+            slip: 0.06,
+            slip_again: 0.35,
         }
     }
 }
@@ -53,7 +60,24 @@ pub struct Operator {
     blocked_steps: u32,
     escapes_left: u32,
     escape_steps_due: u32,
+    slip_due: Option<Primitive>,
 }
+
+/// Keys that lie side by side: the base's, and the arm's.
+const BASE_KEYS: [Primitive; 4] = [
+    Primitive::BaseForward,
+    Primitive::BaseBackward,
+    Primitive::BaseTurnLeft,
+    Primitive::BaseTurnRight,
+];
+const ARM_KEYS: [Primitive; 6] = [
+    Primitive::EndEffectorLeft,
+    Primitive::EndEffectorRight,
+    Primitive::EndEffectorForward,
+    Primitive::EndEffectorBackward,
+    Primitive::EndEffectorUp,
+    Primitive::EndEffectorDown,
+];
 
 impl Operator {
     /// An operator for one task from the state that `insight` shows, whichever that is.
@@ -74,6 +98,7 @@ impl Operator {
             blocked_steps: 0,
             escapes_left: 3,
             escape_steps_due: 0,
+            slip_due: None,
         };
         operator.enter_stage();
         operator
@@ -95,8 +120,30 @@ impl Operator {
             }
             self.finish_stage();
         };
+        let primitive = self.slipped(primitive);
         self.last = Some((primitive, *insight));
         primitive
+    }
+
+    /// The key that is pressed instead of the wanted one.
+    fn slipped(&mut self, wanted: Primitive) -> Primitive {
+        if let Some(again) = self.slip_due.take() {
+            return again;
+        }
+        let keys: &[Primitive] = match wanted {
+            _ if BASE_KEYS.contains(&wanted) => &BASE_KEYS,
+            _ if ARM_KEYS.contains(&wanted) => &ARM_KEYS,
+            _ => return wanted,
+        };
+        if !self.rng.random_bool(self.habits.slip) {
+            return wanted;
+        }
+        let pressed = keys[self.rng.random_range(0..keys.len())];
+        self.slip_due = self
+            .rng
+            .random_bool(self.habits.slip_again)
+            .then_some(pressed);
+        pressed
     }
 
     /// What does not move the robot twice in a row will not do so the third time: a grasp is tried

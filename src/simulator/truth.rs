@@ -62,9 +62,9 @@ impl Truth {
 
     pub(crate) fn of(world: &World) -> Self {
         let layout = world.layout();
-        let held_up = |thing| world.held() == Some(thing) && world.lift_m(thing) > LIFTED_M;
+        let held_up = |thing| world.grips(thing) && world.lift_m(thing) > LIFTED_M;
         let dropped_in = |thing, receptacle: &Receptacle| {
-            world.held() != Some(thing) && is_inside(world, thing, receptacle)
+            !world.grips(thing) && is_inside(world, thing, receptacle)
         };
         Self {
             drawer_open: world.drawer_opening_m() > OPEN_M,
@@ -73,7 +73,7 @@ impl Truth {
             can_grasped: held_up(Graspable::Can),
             can_in_bin: dropped_in(Graspable::Can, &layout.bin),
             tissue_grasped: held_up(Graspable::Tissue),
-            spill_covered: world.held() != Some(Graspable::Tissue) && covers_spill(world),
+            spill_covered: !world.grips(Graspable::Tissue) && covers_spill(world),
         }
     }
 }

@@ -12,6 +12,7 @@ use rapier3d::prelude::{
     ColliderHandle, ImpulseJointHandle, PhysicsWorld, Pose, RigidBodyHandle, Vector,
 };
 
+use super::kinematics::{PALM_TO_TOOL_M, shift};
 use super::layout::Layout;
 use super::primitive::Primitive;
 use super::render::{Material, Shape, Visual};
@@ -30,6 +31,8 @@ const LOOK_AHEAD_STEPS: u32 = 4;
 pub const PRIMITIVE_SECS: f64 = STEPS_PER_PRIMITIVE as f64 / RATE_HZ as f64;
 /// Physics steps before an episode, in which loose things come to rest.
 const SETTLING_STEPS: u32 = 36;
+/// The middle of a thing that is between the fingers is at most this far from the middle of the pads.
+const IN_HAND_M: f32 = 0.1;
 
 /// Something loose that the gripper can take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -156,6 +159,15 @@ impl World {
     /// What the gripper holds.
     pub(crate) fn held(&self) -> Option<Graspable> {
         self.held.as_ref().map(|held| held.thing)
+    }
+
+    /// Whether a thing is in the shut gripper: held by both pads, or wedged between the fingers and
+    /// carried along.
+    pub(crate) fn grips(&self, thing: Graspable) -> bool {
+        let palm = isometry(self.physics.bodies[self.bodies.links[4]].position());
+        let tool = palm * shift(PALM_TO_TOOL_M, 0.0, 0.0);
+        let off = self.world_from(thing).translation.vector - tool.translation.vector;
+        self.held() == Some(thing) || (self.robot.gripper_shut && off.norm() < IN_HAND_M)
     }
 
     /// Pose of a loose thing.

@@ -65,7 +65,12 @@ impl Pictures {
     }
 
     /// Moves patches of `states` states to a device.
-    pub fn tensors(&self, patches: Vec<Vec<f32>>, states: usize, device: &Device) -> Vec<Tensor<3>> {
+    pub fn tensors(
+        &self,
+        patches: Vec<Vec<f32>>,
+        states: usize,
+        device: &Device,
+    ) -> Vec<Tensor<3>> {
         self.grids
             .iter()
             .zip(patches)

@@ -43,7 +43,7 @@ pub struct TrainingConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NetworkConfig {
-    /// The ResNet of each camera.
+    /// The residual network of each camera.
     pub encoder: EncoderConfig,
     /// Width of the first layer of both heads; what a state is projected to.
     pub projection_width: usize,
@@ -53,7 +53,7 @@ pub struct NetworkConfig {
     pub dropout: f64,
 }
 
-/// The ResNet that encodes the images of one camera.
+/// The residual network that encodes the images of one camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EncoderConfig {
@@ -117,84 +117,6 @@ pub struct OptimiserConfig {
     pub clip_norm: f32,
     /// Share of the averaged weights that is kept at each step; 0 means no averaging.
     pub average_decay: f64,
-}
-
-/// Ready-made configurations.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Preset {
-    /// The paper's set-up: two cameras of about 90x160, tens of demonstrations of 40 to 100 steps.
-    Paper,
-    /// Small images and few, short demonstrations.
-    Small,
-    /// Seconds of training, for tests.
-    Tiny,
-}
-
-impl Preset {
-    /// All presets with the names that [`Preset::parse`] knows.
-    pub const NAMES: [(&'static str, Self); 3] = [
-        ("paper", Self::Paper),
-        ("small", Self::Small),
-        ("tiny", Self::Tiny),
-    ];
-
-    /// The preset of a name.
-    #[must_use]
-    pub fn parse(name: &str) -> Option<Self> {
-        Self::NAMES
-            .iter()
-            .find(|(known, _)| *known == name)
-            .map(|(_, preset)| *preset)
-    }
-
-    /// Its configuration.
-    #[must_use]
-    pub fn config(self) -> TrainingConfig {
-        match self {
-            Self::Paper => TrainingConfig::default(),
-            Self::Small => small(),
-            Self::Tiny => tiny(),
-        }
-    }
-}
-
-fn small() -> TrainingConfig {
-    let mut config = TrainingConfig {
-        steps: 1_500,
-        validate_every_steps: 100,
-        checkpoint_every_steps: 100,
-        ..TrainingConfig::default()
-    };
-    config.network.encoder.stage_channels = vec![32, 64];
-    config.augmentation.shift_pixels = 2;
-    config
-}
-
-fn tiny() -> TrainingConfig {
-    let mut config = TrainingConfig {
-        steps: 60,
-        validate_every_steps: 20,
-        checkpoint_every_steps: 20,
-        ..TrainingConfig::default()
-    };
-    config.network.encoder = EncoderConfig {
-        stem_kernel: 4,
-        stem_stride: 4,
-        stem_channels: 8,
-        stage_channels: vec![8],
-        latent_dim: 8,
-        stochastic_depth: 0.3,
-    };
-    config.network.projection_width = 16;
-    config.network.hidden_width = 16;
-    config.sampling.states = 24;
-    config.sampling.far_pairs = 64;
-    config.augmentation.shift_pixels = 1;
-    config.optimiser.learning_rate = 3e-3;
-    config.optimiser.warmup_steps = 5;
-    config.optimiser.average_decay = 0.9;
-    config
 }
 
 impl Default for TrainingConfig {
@@ -357,7 +279,7 @@ impl TrainingConfig {
 fn demand(
     holds: bool,
     field: &'static str,
-    value: impl ToString,
+    value: impl std::fmt::Display,
     demand: &'static str,
 ) -> Result<(), TrainingError> {
     if holds {
@@ -373,20 +295,6 @@ fn demand(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn presets_pass_their_own_check_and_survive_json() {
-        for (name, preset) in Preset::NAMES {
-            let config = preset.config();
-            config.check().unwrap();
-            let json = serde_json::to_string(&config).unwrap();
-            assert_eq!(
-                serde_json::from_str::<TrainingConfig>(&json).unwrap(),
-                config
-            );
-            assert_eq!(Preset::parse(name), Some(preset));
-        }
-    }
 
     #[test]
     fn a_misspelt_field_is_refused() {

@@ -153,7 +153,12 @@ impl Dataset {
     #[must_use]
     pub fn split(&self, share: f64, seed: u64) -> Split {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let sets = self.trajectories.iter().map(|t| t.set + 1).max().unwrap_or(0);
+        let sets = self
+            .trajectories
+            .iter()
+            .map(|t| t.set + 1)
+            .max()
+            .unwrap_or(0);
         let mut validation = Vec::new();
         for set in 0..sets {
             let mut members = self.members(set);
@@ -183,10 +188,7 @@ impl Dataset {
     }
 }
 
-fn check_same_kind(
-    first: &DemonstrationSet,
-    set: &DemonstrationSet,
-) -> Result<(), TrainingError> {
+fn check_same_kind(first: &DemonstrationSet, set: &DemonstrationSet) -> Result<(), TrainingError> {
     if set.cameras() != first.cameras() {
         return Err(TrainingError::CamerasDiffer {
             first_set: first.task().to_owned(),
@@ -276,7 +278,10 @@ mod tests {
             synthetic::demonstrations_sized("narrow", 2, 8, 3, (16, 16)),
         ];
         let message = Dataset::new(&sets).unwrap_err().to_string();
-        assert!(message.contains("'narrow'") && message.contains("16x16"), "{message}");
+        assert!(
+            message.contains("'narrow'") && message.contains("16x16"),
+            "{message}"
+        );
     }
 
     #[test]

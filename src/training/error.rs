@@ -39,7 +39,9 @@ pub enum TrainingError {
         found: String,
     },
     /// Two sets have different action spaces.
-    #[error("set '{set}' has {found}, set '{first_set}' has {expected}; one model needs one action space")]
+    #[error(
+        "set '{set}' has {found}, set '{first_set}' has {expected}; one model needs one action space"
+    )]
     ActionSpacesDiffer {
         /// The first set.
         first_set: String,

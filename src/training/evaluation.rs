@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::batch::Pictures;
+use super::look_alikes::LookAlikes;
 use super::loss::{indices, near_class, near_class_weights};
 use super::network::FlowHead;
 use super::sampler::is_far;
@@ -31,6 +32,8 @@ pub struct ValidationSet {
     near: usize,
     /// For each policy pair its place in `pairs`.
     policy: Vec<usize>,
+    /// Pairs of one trajectory that look alike and are far apart in time.
+    look_alikes: Vec<(u32, u32)>,
 }
 
 /// What a validation found.
@@ -75,6 +78,7 @@ impl ValidationSet {
             return Err(TrainingError::NoPairs { part: "held-out" });
         }
         let near = pairs.len();
+        let look_alikes = look_alikes(data, trajectories, &states, config.d_max);
         let by_class = near_class_weights(config.d_max, classes.iter().copied());
         let mut weights: Vec<f32> = classes.iter().map(|c| by_class[*c]).collect();
         let far = far_pairs(&states, config);
@@ -89,6 +93,7 @@ impl ValidationSet {
             weights,
             near,
             policy,
+            look_alikes,
         })
     }
 
@@ -117,6 +122,13 @@ impl ValidationSet {
         let temperature = self.calibrate(&logits, config.d_max);
         let mut metrics = self.traversability(&logits, config.d_max);
         let calibrated = self.loss(&logits, config.d_max, temperature);
+        let alike = score(&network.traversability, &latents, &self.look_alikes, device);
+        let taken_for_near = alike
+            .chunks_exact(config.d_max)
+            .filter(|row| largest(row) != config.d_max - 1)
+            .count();
+        metrics.look_alike_wormhole_rate =
+            taken_for_near as f64 / self.look_alikes.len().max(1) as f64;
         self.policy(network, &latents, data, device, &mut metrics);
         Validation {
             score: calibrated + 1.0 - metrics.policy_accuracy,
@@ -205,6 +217,23 @@ impl ValidationSet {
     }
 }
 
+fn look_alikes(
+    data: &Dataset,
+    trajectories: &[u32],
+    states: &[StateRef],
+    d_max: usize,
+) -> Vec<(u32, u32)> {
+    let lengths: Vec<_> = trajectories.iter().map(|t| (*t, data.steps(*t))).collect();
+    let row = |state: StateRef| {
+        let row = states.binary_search(&state);
+        row.expect("trajectories are in rising order") as u32
+    };
+    LookAlikes::find(data, &lengths, d_max)
+        .pairs()
+        .map(|(state, twin)| (row(state), row(twin)))
+        .collect()
+}
+
 fn far_pairs(states: &[StateRef], config: &TrainingConfig) -> Vec<(u32, u32)> {
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     let mut pairs = Vec::with_capacity(FAR_PAIRS);
@@ -270,7 +299,10 @@ pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
 fn cross_entropy(logits: &[f32], class: usize, temperature: f64) -> f64 {
     let scaled = |logit: f32| f64::from(logit) / temperature;
     let top = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    let sum: f64 = logits.iter().map(|l| (scaled(*l) - scaled(top)).exp()).sum();
+    let sum: f64 = logits
+        .iter()
+        .map(|l| (scaled(*l) - scaled(top)).exp())
+        .sum();
     sum.ln() + scaled(top) - scaled(logits[class])
 }
 
@@ -302,7 +334,10 @@ mod tests {
         assert_eq!(set.policy.len(), 2 * (11 + 10 + 9 + 8));
         let near: f32 = set.weights[..set.near].iter().sum();
         let far: f32 = set.weights[set.near..].iter().sum();
-        assert!((near - 0.5).abs() < 1e-4 && (far - 2.5).abs() < 1e-2, "{near} {far}");
+        assert!(
+            (near - 0.5).abs() < 1e-4 && (far - 2.5).abs() < 1e-2,
+            "{near} {far}"
+        );
     }
 
     #[test]
@@ -311,7 +346,11 @@ mod tests {
         // Right three times out of four, but with logits that claim to be almost always right.
         let logits: Vec<f32> = (set.classes.iter().enumerate())
             .flat_map(|(index, class)| {
-                let said = if index % 4 == 0 { (class + 1) % 5 } else { *class };
+                let said = if index % 4 == 0 {
+                    (class + 1) % 5
+                } else {
+                    *class
+                };
                 (0..5).map(move |c| if c == said { 9.0 } else { 0.0 })
             })
             .collect();

@@ -6,8 +6,11 @@ use super::{StepLosses, TrainingError};
 use crate::model::ValidationMetrics;
 
 const HEADER: &str = "step,learning_rate,total,near,far,policy,validation_traversability_loss,\
-validation_traversability_accuracy,validation_wormhole_rate,validation_policy_loss,\
+validation_traversability_accuracy,validation_wormhole_rate,validation_look_alike_wormhole_rate,validation_policy_loss,\
 validation_policy_accuracy\n";
+
+/// Commas in a whole row.
+const COMMAS: usize = 11;
 
 /// The losses of a training as `losses.csv` in its run folder, a row a step.
 pub struct History {
@@ -26,7 +29,7 @@ impl History {
         let mut text = String::from(HEADER);
         for line in kept.lines().skip(1) {
             let number = line.split(',').next().and_then(|n| n.parse::<u64>().ok());
-            if line.matches(',').count() == 10 && number.is_some_and(|n| n <= step) {
+            if line.matches(',').count() == COMMAS && number.is_some_and(|n| n <= step) {
                 text.push_str(line);
                 text.push('\n');
             }
@@ -59,13 +62,14 @@ impl History {
             policy,
         } = losses;
         let tail = validation.map_or_else(
-            || ",,,,".to_owned(),
+            || ",,,,,".to_owned(),
             |v| {
                 format!(
-                    "{:.5},{:.5},{:.5},{:.5},{:.5}",
+                    "{:.5},{:.5},{:.5},{:.5},{:.5},{:.5}",
                     v.traversability_loss,
                     v.traversability_accuracy,
                     v.wormhole_rate,
+                    v.look_alike_wormhole_rate,
                     v.policy_loss,
                     v.policy_accuracy
                 )

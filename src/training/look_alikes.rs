@@ -34,6 +34,13 @@ impl LookAlikes {
         self.of.is_empty()
     }
 
+    /// Every state with each of its look-alikes.
+    pub fn pairs(&self) -> impl Iterator<Item = (StateRef, StateRef)> {
+        self.of
+            .iter()
+            .flat_map(|(state, twins)| twins.iter().map(|twin| (*state, *twin)))
+    }
+
     /// One of a state's look-alikes.
     pub fn one_of(&self, state: StateRef, rng: &mut ChaCha8Rng) -> Option<StateRef> {
         let twins = self.of.get(&state)?;

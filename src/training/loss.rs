@@ -206,7 +206,10 @@ mod tests {
     fn cross_entropy_by_hand() {
         let device = Device::flex();
         let logits = Tensor::<2>::from_data([[0.0, 0.0], [2.0, 0.0]], &device);
-        let values: Vec<f32> = cross_entropies(logits, &[1, 0]).into_data().try_to_vec().unwrap();
+        let values: Vec<f32> = cross_entropies(logits, &[1, 0])
+            .into_data()
+            .try_to_vec()
+            .unwrap();
         assert!((values[0] - 2.0_f32.ln()).abs() < 1e-6);
         assert!((values[1] - (1.0 + (-2.0_f32).exp()).ln()).abs() < 1e-6);
     }

@@ -1,4 +1,4 @@
-//! The latent-flow network (Fu & Finn, section III-F): a ResNet a camera, and two heads that see the
+//! The latent-flow network (Fu & Finn, section III-F): a residual network a camera, and two heads that see the
 //! latents of two states and their difference.
 
 mod convolution;

@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Dataset, StateRef};
+use crate::trajectory::Image;
 
 /// Images that the mean and the spread are measured on, spread evenly over all steps.
 const MEASURED: usize = 256;
@@ -25,7 +26,7 @@ impl ChannelNormalisation {
             .map(|camera| {
                 let images = states.iter().step_by(stride).filter_map(|state| {
                     let observation = data.observation(*state);
-                    observation.image(&camera.name).ok().map(|i| i.rgb())
+                    observation.image(&camera.name).ok().map(Image::rgb)
                 });
                 Self::of_pixels(images)
             })

@@ -125,10 +125,7 @@ impl PatchGrid {
     fn scatter(&self, plane: &[f32], columns: usize, channel: usize, out: &mut [f32]) {
         let (kernel, patch_len) = (self.kernel, self.patch_len());
         let offset = channel * kernel * kernel;
-        for (row, patches) in out
-            .chunks_exact_mut(self.columns() * patch_len)
-            .enumerate()
-        {
+        for (row, patches) in out.chunks_exact_mut(self.columns() * patch_len).enumerate() {
             for (column, patch) in patches.chunks_exact_mut(patch_len).enumerate() {
                 let start = row * self.stride * columns + column * self.stride;
                 let target = &mut patch[offset..offset + kernel * kernel];

@@ -40,10 +40,7 @@ impl TrainedModel {
         let actions = self.spec.action_space.head_sizes().iter().sum();
         let of = |head| score(head, &latents, pairs, &device);
         Ok(ReferenceOutputs {
-            traversability: Latents::from_values(
-                self.spec.d_max,
-                of(&self.network.traversability),
-            ),
+            traversability: Latents::from_values(self.spec.d_max, of(&self.network.traversability)),
             policy: Latents::from_values(actions, of(&self.network.policy)),
             from: Latents::from_values(width, values(from)),
             to: Latents::from_values(width, values(to)),

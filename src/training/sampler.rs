@@ -309,7 +309,10 @@ mod tests {
             let ratio = between[&key] / total / expected;
             assert!((0.9..1.1).contains(&ratio), "{key:?} {ratio}");
         }
-        assert!(between.contains_key(&(0, 0)), "far apart in time counts too");
+        assert!(
+            between.contains_key(&(0, 0)),
+            "far apart in time counts too"
+        );
     }
 
     #[test]

@@ -42,7 +42,10 @@ pub fn demonstrations_sized(
                     }
                     let observation = Observation::new([
                         ("head".to_owned(), picture(height, width, ground, at)),
-                        ("wrist".to_owned(), picture(height, width, ground, (at.1, at.0))),
+                        (
+                            "wrist".to_owned(),
+                            picture(height, width, ground, (at.1, at.0)),
+                        ),
                     ]);
                     at.0 = (at.0 + MOVES[direction].0).rem_euclid(height as i32);
                     at.1 = (at.1 + MOVES[direction].1).rem_euclid(width as i32);

@@ -6,9 +6,7 @@ use super::batch::Pictures;
 use super::checkpoint::{BestSoFar, Checkpoint};
 use super::patches::PatchGrid;
 use super::weights::{NamedWeights, assign, collect};
-use super::{
-    ChannelNormalisation, Dataset, LatentFlowNetwork, TrainingConfig, TrainingError,
-};
+use super::{ChannelNormalisation, Dataset, LatentFlowNetwork, TrainingConfig, TrainingError};
 use crate::model::{ModelSpec, ValidationMetrics};
 
 /// A network with everything that is needed to export it.

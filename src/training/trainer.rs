@@ -4,16 +4,14 @@ use std::time::Instant;
 
 use burn::grad_clipping::GradientClippingConfig;
 use burn::optim::{AdamWConfig, GradientsParams, ModuleOptimizer};
-use burn::tensor::{Bytes, Device, Tensor};
+use burn::tensor::{Bytes, Device};
 
 use super::batch::{Batcher, Pictures, StepInput};
 use super::budget::Budget;
 use super::checkpoint::{BestSoFar, Checkpoint, TrainingState};
 use super::evaluation::ValidationSet;
 use super::history::History;
-use super::loss::{WeightedPairs, cross_entropies, indices, policy_entropies, weights};
-use super::masks::HeadMasks;
-use super::network::FlowHead;
+use super::objective::Objective;
 use super::sampler::Sampler;
 use super::schedule::learning_rate;
 use super::trained_model::{network_of, pictures_of, spec_of};
@@ -83,7 +81,7 @@ pub fn train_on(
 /// A training in progress.
 struct Run<'a> {
     data: &'a Dataset,
-    run_folder: &'a Path,
+    folder: &'a Path,
     device: Device,
     pictures: Pictures,
     batches: Sampler,
@@ -128,7 +126,7 @@ impl<'a> Run<'a> {
         let done = checkpoint.as_ref().map_or(0, |c| c.state.step);
         let mut run = Self {
             data,
-            run_folder,
+            folder: run_folder,
             device,
             pictures,
             batches,
@@ -148,7 +146,7 @@ impl<'a> Run<'a> {
     }
 
     fn resume(&mut self, checkpoint: Checkpoint) -> Result<(), TrainingError> {
-        let path = Checkpoint::path(self.run_folder);
+        let path = Checkpoint::path(self.folder);
         let another = |what| TrainingError::CheckpointOfAnother {
             path: path.clone(),
             what,
@@ -256,7 +254,7 @@ impl<'a> Run<'a> {
             if stopped {
                 return Err(TrainingError::Stopped {
                     step,
-                    run_folder: self.run_folder.to_owned(),
+                    run_folder: self.folder.to_owned(),
                 });
             }
             if done {
@@ -267,7 +265,14 @@ impl<'a> Run<'a> {
     }
 
     fn step(&mut self, input: StepInput, rate: f64) -> Result<StepLosses, TrainingError> {
-        let (total, losses) = self.losses(input);
+        let Objective { total, losses } = Objective::of(
+            input,
+            &self.network,
+            &self.pictures,
+            &self.state.config,
+            &self.state.spec.action_space.head_sizes(),
+            &self.device,
+        );
         let diverged = |loss| TrainingError::Diverged {
             step: self.state.step + 1,
             loss,
@@ -279,49 +284,6 @@ impl<'a> Run<'a> {
         let gradients = GradientsParams::from_grads(total.backward(), &self.network);
         self.network = self.optimiser.step(rate, self.network.clone(), gradients);
         Ok(losses)
-    }
-
-    fn losses(&self, input: StepInput) -> (Tensor<1>, StepLosses) {
-        let config = &self.state.config;
-        let device = &self.device;
-        let targets = input.targets;
-        let block_masks = input.masks.block_tensors(device);
-        let patches = self
-            .pictures
-            .tensors(input.patches, input.states, device);
-        let latents = self.network.encode(patches, Some(&block_masks));
-
-        let pairs = &targets.traversability;
-        let masks = input.masks.traversability.tensors(device);
-        let logits = score_pairs(&self.network.traversability, &latents, pairs, &masks);
-        let weighted =
-            cross_entropies(logits, &pairs.classes[0]) * weights(&pairs.weights, device);
-        let near = weighted.clone().slice([0..targets.near]).sum();
-        let far = if pairs.len() > targets.near {
-            weighted.slice([targets.near..pairs.len()]).sum()
-        } else {
-            Tensor::zeros([1], device)
-        };
-
-        let pairs = &targets.policy;
-        let policy = if pairs.len() > 0 {
-            let masks = input.masks.policy.tensors(device);
-            let logits = score_pairs(&self.network.policy, &latents, pairs, &masks);
-            let heads = self.state.spec.action_space.head_sizes();
-            let entropies = policy_entropies(&logits, &pairs.classes, &heads);
-            (entropies * weights(&pairs.weights, device)).sum()
-        } else {
-            Tensor::zeros([1], device)
-        };
-        let value = |tensor: &Tensor<1>| tensor.clone().into_scalar::<f32>();
-        let total = near.clone() + far.clone() + policy.clone() * config.policy_weight;
-        let losses = StepLosses {
-            total: value(&total),
-            near: value(&near) / 0.5,
-            far: value(&far) / (0.5 * config.far_weight),
-            policy: value(&policy) / pairs.weights.iter().sum::<f32>().max(f32::MIN_POSITIVE),
-        };
-        (total, losses)
     }
 
     fn validate(&mut self, observer: &mut dyn TrainingObserver) -> crate::model::ValidationMetrics {
@@ -359,11 +321,14 @@ impl<'a> Run<'a> {
         found.metrics
     }
 
-    fn write_checkpoint(&mut self, observer: &mut dyn TrainingObserver) -> Result<(), TrainingError> {
+    fn write_checkpoint(
+        &mut self,
+        observer: &mut dyn TrainingObserver,
+    ) -> Result<(), TrainingError> {
         self.history.flush()?;
         let optimiser = self.optimiser.into_bytes().map_err(|e| TrainingError::Io {
             action: "serialise the optimiser for",
-            path: Checkpoint::path(self.run_folder),
+            path: Checkpoint::path(self.folder),
             source: std::io::Error::other(e.to_string()),
         })?;
         let checkpoint = Checkpoint {
@@ -373,7 +338,7 @@ impl<'a> Run<'a> {
             best: self.best.clone(),
             optimiser: optimiser.to_vec(),
         };
-        let path = checkpoint.save(self.run_folder)?;
+        let path = checkpoint.save(self.folder)?;
         observer.notice(&TrainingEvent::CheckpointWritten {
             step: self.state.step,
             path,
@@ -383,7 +348,7 @@ impl<'a> Run<'a> {
 
     fn report(self, states_per_sec: f64) -> Result<TrainingReport, TrainingError> {
         let unusable = |reason| TrainingError::CheckpointUnusable {
-            path: Checkpoint::path(self.run_folder),
+            path: Checkpoint::path(self.folder),
             reason,
         };
         let state = self.state;
@@ -405,19 +370,6 @@ impl<'a> Run<'a> {
             states_per_sec,
         })
     }
-}
-
-fn score_pairs(
-    head: &FlowHead,
-    latents: &Tensor<2>,
-    pairs: &WeightedPairs,
-    masks: &HeadMasks,
-) -> Tensor<2> {
-    let device = latents.device();
-    let (from, to) = head.project(latents.clone());
-    let from = from.select(0, indices(&pairs.from, &device));
-    let to = to.select(0, indices(&pairs.to, &device));
-    head.score(from, to, Some(masks))
 }
 
 fn optimiser(config: &TrainingConfig) -> ModuleOptimizer {
@@ -455,176 +407,4 @@ fn fingerprint(data: &Dataset) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::training::{Preset, SilentObserver, synthetic};
-
-    /// Stops after some steps and counts events.
-    #[derive(Default)]
-    struct Counting {
-        steps: u64,
-        stop_after: Option<u64>,
-        first: f32,
-        last: f32,
-        validations: usize,
-    }
-
-    impl TrainingObserver for Counting {
-        fn notice(&mut self, event: &TrainingEvent) {
-            match event {
-                TrainingEvent::Step { losses, .. } => {
-                    self.steps += 1;
-                    self.last = losses.total;
-                    if self.steps == 1 {
-                        self.first = losses.total;
-                    }
-                }
-                TrainingEvent::Validated { .. } => self.validations += 1,
-                _ => {}
-            }
-        }
-
-        fn wants_stop(&mut self) -> bool {
-            self.stop_after.is_some_and(|s| self.steps >= s)
-        }
-    }
-
-    fn sets() -> [DemonstrationSet; 2] {
-        [
-            synthetic::demonstrations("a", 3, 12, 3),
-            synthetic::demonstrations("b", 3, 12, 4),
-        ]
-    }
-
-    fn tiny(steps: u64) -> TrainingConfig {
-        TrainingConfig {
-            steps,
-            validate_every_steps: 4,
-            checkpoint_every_steps: 100,
-            ..Preset::Tiny.config()
-        }
-    }
-
-    fn on_cpu(
-        config: &TrainingConfig,
-        folder: &Path,
-        observer: &mut dyn TrainingObserver,
-    ) -> Result<TrainingReport, TrainingError> {
-        train_on(&Device::flex(), &sets(), config, folder, observer)
-    }
-
-    fn weights_of(report: &TrainingReport) -> Vec<NamedWeights> {
-        collect(&report.model.network)
-    }
-
-    #[test]
-    fn the_same_seed_gives_the_same_weights_and_another_seed_others() {
-        let run = |seed| {
-            let folder = tempfile::tempdir().unwrap();
-            let config = TrainingConfig { seed, ..tiny(8) };
-            weights_of(&on_cpu(&config, folder.path(), &mut SilentObserver).unwrap())
-        };
-        assert_eq!(run(1), run(1));
-        assert_ne!(run(1), run(2));
-    }
-
-    #[test]
-    fn a_stopped_training_goes_on_to_the_same_weights() {
-        let whole = tempfile::tempdir().unwrap();
-        let uninterrupted = on_cpu(&tiny(12), whole.path(), &mut SilentObserver).unwrap();
-
-        let parts = tempfile::tempdir().unwrap();
-        let mut stopping = Counting {
-            stop_after: Some(5),
-            ..Counting::default()
-        };
-        let stopped = on_cpu(&tiny(12), parts.path(), &mut stopping);
-        assert!(matches!(stopped, Err(TrainingError::Stopped { step: 5, .. })));
-        let mut rest = Counting::default();
-        let resumed = on_cpu(&tiny(12), parts.path(), &mut rest).unwrap();
-        assert_eq!(rest.steps, 7);
-        assert_eq!(weights_of(&resumed), weights_of(&uninterrupted));
-
-        let losses = |folder: &Path| std::fs::read_to_string(folder.join("losses.csv")).unwrap();
-        assert_eq!(losses(parts.path()), losses(whole.path()));
-        let finished = on_cpu(&tiny(12), parts.path(), &mut Counting::default()).unwrap();
-        assert_eq!(weights_of(&finished), weights_of(&uninterrupted));
-        let of_run = TrainedModel::of_run(parts.path()).unwrap().unwrap();
-        assert_eq!(collect(&of_run.network), weights_of(&uninterrupted));
-    }
-
-    #[test]
-    fn a_checkpoint_of_another_training_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        on_cpu(&tiny(2), folder.path(), &mut SilentObserver).unwrap();
-        let error = on_cpu(&tiny(3), folder.path(), &mut SilentObserver).unwrap_err();
-        assert!(matches!(
-            error,
-            TrainingError::CheckpointOfAnother {
-                what: "configurations",
-                ..
-            }
-        ));
-        let other = [synthetic::demonstrations("c", 4, 12, 9)];
-        let error = train_on(
-            &Device::flex(),
-            &other,
-            &tiny(2),
-            folder.path(),
-            &mut SilentObserver,
-        );
-        assert!(matches!(
-            error.unwrap_err(),
-            TrainingError::CheckpointOfAnother {
-                what: "demonstrations",
-                ..
-            }
-        ));
-    }
-
-    #[test]
-    fn a_learning_rate_beyond_reason_is_told_as_divergence() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut config = tiny(40);
-        config.optimiser.learning_rate = 1e30;
-        let error = on_cpu(&config, folder.path(), &mut SilentObserver).unwrap_err();
-        assert!(matches!(error, TrainingError::Diverged { .. }), "{error}");
-    }
-
-    #[test]
-    fn one_batch_can_be_learnt_by_heart() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut config = tiny(150);
-        config.network.dropout = 0.0;
-        config.network.encoder.stochastic_depth = 0.0;
-        config.augmentation.shift_pixels = 0;
-        config.augmentation.brightness = 0.0;
-        config.augmentation.tint = 0.0;
-        let data = Dataset::new(&sets()).unwrap();
-        let device = Device::flex();
-        let mut run = Run::prepare(&data, &config, folder.path(), &device).unwrap();
-        let pictures = run.pictures.clone();
-        let batcher = Batcher {
-            data: &data,
-            sampler: run.batches.clone(),
-            pictures: &pictures,
-            config: &config,
-        };
-        let first = run.step(batcher.step_input(0), 3e-3).unwrap();
-        let mut last = first;
-        for _ in 0..150 {
-            last = run.step(batcher.step_input(0), 3e-3).unwrap();
-        }
-        assert!(last.total < 0.1 * first.total, "{first:?} {last:?}");
-    }
-
-    #[test]
-    fn losses_fall_and_validations_come_when_they_are_due() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut observer = Counting::default();
-        let report = on_cpu(&tiny(60), folder.path(), &mut observer).unwrap();
-        assert_eq!((observer.steps, observer.validations), (60, 15));
-        assert!(observer.last < observer.first);
-        assert_eq!(report.steps, 60);
-    }
-}
+mod tests;

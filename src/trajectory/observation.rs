@@ -66,7 +66,10 @@ impl State {
     /// If the history is empty or `stack` is 0.
     #[must_use]
     pub fn from_history(history: &[Arc<Observation>], stack: usize) -> Self {
-        assert!(!history.is_empty() && stack > 0, "a state needs an observation");
+        assert!(
+            !history.is_empty() && stack > 0,
+            "a state needs an observation"
+        );
         let frames = (0..stack)
             .rev()
             .map(|back| Arc::clone(&history[(history.len() - 1).saturating_sub(back)]))

@@ -72,6 +72,7 @@ pub fn merged_graph_svg(graph: &TopologicalGraph, route: Option<&[NodeId]>, titl
     labels::columns(&mut canvas, &layout, top, bottom);
     let drawn = edges::paint(&mut canvas, graph, &layout, row_height);
     route::paint(&mut canvas, graph, &layout, route);
+    labels::subgoals(&mut canvas, &layout, top);
     labels::blocks(&mut canvas, graph, &layout);
     labels::title(&mut canvas, graph, title);
     legend::paint(

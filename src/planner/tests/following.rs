@@ -179,7 +179,7 @@ fn goal_lies_ahead_on_the_route_but_not_past_the_due_subgoal() {
         .expect("a way");
     let ahead = graph.latents().row(goal.node.index())[0] - 3.0;
     assert!((2.0..=4.0).contains(&ahead), "{ahead}");
-    assert!(goal.route.contains(&goal.node) && goal.basis == GoalBasis::Distances);
+    assert!(goal.route.contains(&goal.node) && goal.basis == GoalBasis::Belief);
     let here = walk(&graph, &mut filter, [4.0, 5.0, 6.0])
         .pop()
         .expect("a step was made");

@@ -7,7 +7,9 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::graph::fakes::{add_demonstration, task};
 use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph};
-use crate::planner::{EdgeChoice, EdgeCost, LiveDistances, Localisation, PlannerOptions, Search};
+use crate::planner::{
+    EdgeChoice, EdgeCost, Join, LiveDistances, Localisation, PlannerOptions, Search,
+};
 use crate::task::{Automaton, Task};
 
 pub(super) const D_MAX: usize = 5;
@@ -119,6 +121,7 @@ pub(super) fn free_options(rng: &mut ChaCha8Rng, search: Search) -> PlannerOptio
         edges: [EdgeChoice::All, EdgeChoice::TemporalOnly][rng.random_range(0..2)],
         forward_leap_steps: None,
         min_live_probability: 0.0,
+        join: Join::Cheapest,
         lookahead_steps: rng.random_range(0..4),
     }
 }

@@ -109,7 +109,14 @@ mod tests {
     fn every_task_is_demonstrated_with_its_subgoals_in_order() {
         for task in BedroomTask::ALL {
             let mut room = Bedroom::new(BedroomConfig::paper(task));
-            let shown = demonstrate(&mut room, task, 5).expect("the room does not fail");
+            room.arrange(5);
+            // Slips make a demonstration longer; `catena record` leaves out those that get too long.
+            let practised = Habits {
+                slip: 0.0,
+                ..Habits::default()
+            };
+            let shown =
+                demonstrate_on(&mut room, task, practised, 5).expect("the room does not fail");
             let names: Vec<_> = shown
                 .trajectory
                 .markers

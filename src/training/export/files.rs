@@ -31,7 +31,11 @@ pub fn export(
     ];
     let manifest = manifest(model, datasets, &files);
     let new = !folder.exists();
-    let target = if new { beside(folder) } else { folder.to_owned() };
+    let target = if new {
+        beside(folder)
+    } else {
+        folder.to_owned()
+    };
     std::fs::create_dir_all(&target).map_err(failed("create", &target))?;
     for (name, bytes) in &files {
         write_beside(&target.join(name), bytes)?;

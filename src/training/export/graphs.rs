@@ -176,12 +176,7 @@ pub fn policy(model: &TrainedModel) -> Vec<u8> {
     graph.into_model("policy")
 }
 
-fn project(
-    graph: &mut OnnxGraph,
-    head: &FlowHead,
-    left: &str,
-    reached: &str,
-) -> (String, String) {
+fn project(graph: &mut OnnxGraph, head: &FlowHead, left: &str, reached: &str) -> (String, String) {
     let (from, to) = head.split();
     let shape = from.dims();
     let from = graph.constant(&shape, &values(from));

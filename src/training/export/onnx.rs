@@ -123,10 +123,9 @@ impl OnnxGraph {
             .text(4, operator);
         for attribute in attributes {
             let message = match attribute {
-                Attribute::Int(name, value) => Message::default()
-                    .text(1, name)
-                    .int(3, *value)
-                    .int(20, INT),
+                Attribute::Int(name, value) => {
+                    Message::default().text(1, name).int(3, *value).int(20, INT)
+                }
                 Attribute::Ints(name, values) => values
                     .iter()
                     .fold(Message::default().text(1, name), |m, v| m.int(8, *v as i64))

@@ -10,7 +10,7 @@ use crate::training::patches::PatchGrid;
 /// its input on.
 const BRANCH_GAIN: f64 = 0.25;
 
-/// The small ResNet of one camera. Feature maps are `[n, rows, columns, channels]`.
+/// The small residual network of one camera. Feature maps are `[n, rows, columns, channels]`.
 ///
 /// Its last feature map is flattened into the latent, cell by cell: where a thing is matters for
 /// control. What changes the size of a map are layers over patches that do not overlap, which are
@@ -86,7 +86,8 @@ impl CameraEncoder {
             x = stage.block.forward(x, masks.map(|m| m[index].clone()));
         }
         let [n, rows, columns, channels] = x.dims();
-        self.latent.forward(x.reshape([n, rows * columns * channels]))
+        self.latent
+            .forward(x.reshape([n, rows * columns * channels]))
     }
 }
 

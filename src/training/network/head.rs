@@ -120,7 +120,9 @@ mod tests {
         let mut init = Initialiser::new(5, &device);
         let head = FlowHead::new(6, &NetworkConfig::default(), 5, &mut init);
         let values = |offset: usize| -> Vec<f32> {
-            (0..24).map(|i| ((i * 7 + offset) % 11) as f32 / 5.0 - 1.0).collect()
+            (0..24)
+                .map(|i| ((i * 7 + offset) % 11) as f32 / 5.0 - 1.0)
+                .collect()
         };
         let latents = |offset| -> Tensor<2> {
             Tensor::from_data(TensorData::new(values(offset), [4, 6]), &device)

@@ -48,7 +48,9 @@ pub(super) fn plan(scene: &RolloutScene<'_>, view: &StepView<'_>) -> String {
     text.push_str(&place("here", view.current, "lost"));
     text.push_str(&place("goal", view.goal_node, "none"));
     text.push_str(&place("final state", view.path.last().copied(), "no path"));
-    let _ = write!(text, "**path**  {} nodes", view.path.len());
+    let nodes = view.path.len();
+    let ending = if nodes == 1 { "" } else { "s" };
+    let _ = write!(text, "**path**  {nodes} node{ending}");
     if let Some(cost) = view.cost_to_go_steps {
         let _ = write!(text, ", cost {cost:.1} steps");
     }

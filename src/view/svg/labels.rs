@@ -39,11 +39,10 @@ fn label_length(subgoal: &str) -> f32 {
     text_width(subgoal, LABEL_SIZE) + 8.0
 }
 
-/// A thin line and a label where each subgoal is reached.
+/// The blocks' ground, and a thin line where each subgoal is reached.
 pub(super) fn columns(canvas: &mut Canvas, layout: &GraphLayout, top: f32, bottom: f32) {
     for (index, block) in layout.blocks.iter().enumerate() {
         let colour = palette::task(index);
-        let rows = block.rows.first().map_or(top, |row| row.y);
         canvas.push(format_args!(
             "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" rx=\"10\" fill=\"{}\" \
              fill-opacity=\"0.055\"/>",
@@ -54,24 +53,36 @@ pub(super) fn columns(canvas: &mut Canvas, layout: &GraphLayout, top: f32, botto
             colour.hex()
         ));
         for (column, level) in block.columns.iter().zip(label_levels(block)) {
-            let y = top - 16.0 - level as f32 * LABEL_HEIGHT;
+            let y = label_y(top, level);
             canvas.push(format_args!(
                 "<path d=\"M{:.1} {:.1}V{:.1}\" stroke=\"{}\" stroke-width=\"1\" \
                  stroke-opacity=\"0.6\" stroke-dasharray=\"2 3\"/>",
                 column.x,
                 y - 11.0,
-                bottom.max(rows),
+                bottom,
                 colour.hex()
             ));
+        }
+    }
+}
+
+/// The names of the subgoals, each to the left of its line.
+pub(super) fn subgoals(canvas: &mut Canvas, layout: &GraphLayout, top: f32) {
+    for (index, block) in layout.blocks.iter().enumerate() {
+        for (column, level) in block.columns.iter().zip(label_levels(block)) {
             let set = Type {
                 size: LABEL_SIZE,
                 weight: 500,
-                colour: colour.mixed(INK, 0.35),
+                colour: palette::task(index).mixed(INK, 0.35),
                 anchor: "end",
             };
-            canvas.text(column.x - 5.0, y, set, &column.subgoal);
+            canvas.text(column.x - 5.0, label_y(top, level), set, &column.subgoal);
         }
     }
+}
+
+fn label_y(top: f32, level: usize) -> f32 {
+    top - 16.0 - level as f32 * LABEL_HEIGHT
 }
 
 /// The tasks' names above their blocks.

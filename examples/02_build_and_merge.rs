@@ -1,0 +1,95 @@
+//! From MCAP recordings of a real robot to a merged graph: trains a tiny network on a few episodes of
+//! two kitchen tasks (BridgeData V2, CC-BY-4.0, see `tests/data/bridge/README.md`), builds a graph of
+//! each task and merges them.
+//!
+//! `cargo run --release --example 02_build_and_merge`
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::path::Path;
+
+use catena::graph::{
+    BuildOptions, CrossTaskCandidates, GraphStatistics, MergeOptions, TopologicalGraph, build,
+    merge,
+};
+use catena::inference::{EngineChoice, Model};
+use catena::storage::load_demonstrations;
+use catena::task::Subgoal;
+use catena::training::{Preset, SilentObserver, export, train};
+use catena::trajectory::DemonstrationSet;
+
+const TASKS: [&str; 2] = [
+    "put_cup_from_counter_or_drying_rack_into_sink",
+    "put_carrot_on_plate",
+];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/bridge");
+    let work = tempfile::tempdir()?;
+
+    // Continuous actions are cut into bins over the range of all recordings.
+    let mut sets = Vec::new();
+    for task in TASKS {
+        sets.push(load_demonstrations(&[data.join(task)], task)?.0);
+    }
+    let steps = sets
+        .iter()
+        .flat_map(|s| s.trajectories())
+        .flat_map(|t| &t.steps);
+    let space = sets[0].action_space().binned(steps.map(|s| &s.action), 11);
+    let sets = sets
+        .iter()
+        .map(|set| {
+            let mut trajectories = set.trajectories().to_vec();
+            for trajectory in &mut trajectories {
+                trajectory.action_space = space.clone();
+            }
+            DemonstrationSet::new(set.task(), trajectories)
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+
+    let report = train(
+        &sets,
+        &Preset::Tiny.config(),
+        &work.path().join("run"),
+        &mut SilentObserver,
+    )?;
+    export(&report.model, BTreeMap::new(), &work.path().join("model"))?;
+    let model = Model::load(&work.path().join("model"), EngineChoice::Auto)?;
+
+    // Each task has one subgoal: its end.
+    let mut graphs: Vec<TopologicalGraph> = Vec::new();
+    for set in &sets {
+        let end = Subgoal {
+            task: set.task().to_owned(),
+            name: "done".to_owned(),
+        };
+        let subgoals: Vec<_> = set
+            .trajectories()
+            .iter()
+            .map(|t| vec![(end.clone(), t.steps.len() - 1)])
+            .collect();
+        graphs.push(build(
+            set,
+            &subgoals,
+            &model,
+            &model,
+            &BuildOptions::default(),
+            &|_| {},
+        )?);
+    }
+    let options = MergeOptions {
+        candidates: CrossTaskCandidates::All,
+        ..MergeOptions::default()
+    };
+    let merged = merge(
+        &graphs.iter().collect::<Vec<_>>(),
+        &TASKS,
+        &model,
+        &options,
+        &|_| {},
+    )?;
+    println!("{}", GraphStatistics::new(&merged.graph, 3));
+    assert_eq!(merged.graph.node_count(), 60);
+    Ok(())
+}

@@ -1,0 +1,67 @@
+//! One step of the loop by hand: an observation becomes a state, joins the graph, is localised, and
+//! the planner says which state to go to next.
+//!
+//! `cargo run --release --example 03_plan_from_observation`
+
+use std::error::Error;
+use std::path::Path;
+use std::sync::Arc;
+
+use catena::composer::compose_named;
+use catena::environment::Environment;
+use catena::inference::{EngineChoice, Model};
+use catena::model::{Encoder, LocalPolicy, Traversability};
+use catena::planner::{FilterOptions, LiveDistances, Planner};
+use catena::simulator::{Bedroom, BedroomConfig, BedroomTask};
+use catena::storage::load_graph;
+use catena::trajectory::State;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let composition = compose_named("trash", root)?;
+    let model = Model::load(&composition.model, EngineChoice::Auto)?;
+    let (graph, _) = load_graph(&composition.tasks[0].graph)?;
+    let planner = Planner::new(
+        Arc::new(graph),
+        &composition.automaton,
+        &composition.final_choice,
+        composition.planner.clone(),
+    )?;
+
+    // Your robot's cameras go here.
+    let observation = Bedroom::new(BedroomConfig::paper(BedroomTask::Trash)).reset(4)?;
+    let spec = model.spec();
+    let state = State::from_history(&[Arc::new(observation)], spec.stack);
+
+    let latent = model.encode(&[state])?;
+    let distances = LiveDistances::query(
+        &model,
+        &model.project(planner.graph().latents())?,
+        &model.project(&latent)?,
+        &planner.stage_filter(FilterOptions::default()).candidates(),
+        0.02,
+    )?;
+    let localisation = planner
+        .stage_filter(FilterOptions::default())
+        .update(&distances);
+    let goal = planner.next_goal(&localisation, &distances)?;
+    let policy = model.act(
+        latent.row(0),
+        planner.graph().latents().row(goal.node.index()),
+    )?;
+    let action = spec.action_space.action(&policy.most_probable())?;
+
+    let place = |node| planner.graph().node(node).place();
+    println!("the robot sees something like {}", place(localisation.node));
+    println!(
+        "it is sent to {}, {} steps ahead",
+        place(goal.node),
+        goal.steps
+    );
+    println!(
+        "and does {} (entropy {:.2} nats)",
+        spec.action_space.name(&action),
+        policy.entropy()
+    );
+    Ok(())
+}

@@ -1,0 +1,81 @@
+use burn::tensor::{Device, Tensor};
+
+use super::batch::{Pictures, StepInput};
+use super::loss::{WeightedPairs, cross_entropies, indices, policy_entropies, weights};
+use super::masks::HeadMasks;
+use super::network::FlowHead;
+use super::{LatentFlowNetwork, StepLosses, TrainingConfig};
+
+/// The objective of a step, ready for its gradient.
+pub struct Objective {
+    /// `J_traversability + alpha * J_policy`.
+    pub total: Tensor<1>,
+    /// Its parts as numbers.
+    pub losses: StepLosses,
+}
+
+impl Objective {
+    /// Encodes the states of a step once, scores its pairs, and adds the weighted cross-entropies up.
+    pub fn of(
+        input: StepInput,
+        network: &LatentFlowNetwork,
+        pictures: &Pictures,
+        config: &TrainingConfig,
+        heads: &[usize],
+        device: &Device,
+    ) -> Self {
+        let block_masks = input.masks.block_tensors(device);
+        let patches = pictures.tensors(input.patches, input.states, device);
+        let latents = network.encode(patches, Some(&block_masks));
+
+        let targets = &input.targets;
+        let pairs = &targets.traversability;
+        let masks = input.masks.traversability.tensors(device);
+        let logits = score(&network.traversability, &latents, pairs, &masks);
+        let weighted = cross_entropies(logits, &pairs.classes[0]) * weights(&pairs.weights, device);
+        let near = sum_of(&weighted, 0, targets.near, device);
+        let far = sum_of(&weighted, targets.near, pairs.len(), device);
+
+        let pairs = &targets.policy;
+        let policy = if pairs.len() == 0 {
+            Tensor::zeros([1], device)
+        } else {
+            let masks = input.masks.policy.tensors(device);
+            let logits = score(&network.policy, &latents, pairs, &masks);
+            let entropies = policy_entropies(&logits, &pairs.classes, heads);
+            (entropies * weights(&pairs.weights, device)).sum()
+        };
+
+        let total = near.clone() + far.clone() + policy.clone() * config.policy_weight;
+        let policy_share = pairs.weights.iter().sum::<f32>().max(f32::MIN_POSITIVE);
+        Self {
+            losses: StepLosses {
+                total: total.clone().into_scalar::<f32>(),
+                near: near.into_scalar::<f32>() / 0.5,
+                far: far.into_scalar::<f32>() / (0.5 * config.far_weight),
+                policy: policy.into_scalar::<f32>() / policy_share,
+            },
+            total,
+        }
+    }
+}
+
+fn score(
+    head: &FlowHead,
+    latents: &Tensor<2>,
+    pairs: &WeightedPairs,
+    masks: &HeadMasks,
+) -> Tensor<2> {
+    let device = latents.device();
+    let (from, to) = head.project(latents.clone());
+    let from = from.select(0, indices(&pairs.from, &device));
+    let to = to.select(0, indices(&pairs.to, &device));
+    head.score(from, to, Some(masks))
+}
+
+fn sum_of(values: &Tensor<1>, start: usize, end: usize, device: &Device) -> Tensor<1> {
+    if start == end {
+        return Tensor::zeros([1], device);
+    }
+    values.clone().narrow(0, start, end - start).sum()
+}

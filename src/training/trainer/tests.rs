@@ -1,0 +1,174 @@
+use super::*;
+use crate::training::{Preset, SilentObserver, synthetic};
+
+/// Stops after some steps and counts events.
+#[derive(Default)]
+struct Counting {
+    steps: u64,
+    stop_after: Option<u64>,
+    first: f32,
+    last: f32,
+    validations: usize,
+}
+
+impl TrainingObserver for Counting {
+    fn notice(&mut self, event: &TrainingEvent) {
+        match event {
+            TrainingEvent::Step { losses, .. } => {
+                self.steps += 1;
+                self.last = losses.total;
+                if self.steps == 1 {
+                    self.first = losses.total;
+                }
+            }
+            TrainingEvent::Validated { .. } => self.validations += 1,
+            _ => {}
+        }
+    }
+
+    fn wants_stop(&mut self) -> bool {
+        self.stop_after.is_some_and(|s| self.steps >= s)
+    }
+}
+
+fn sets() -> [DemonstrationSet; 2] {
+    [
+        synthetic::demonstrations("a", 3, 12, 3),
+        synthetic::demonstrations("b", 3, 12, 4),
+    ]
+}
+
+fn tiny(steps: u64) -> TrainingConfig {
+    TrainingConfig {
+        steps,
+        validate_every_steps: 4,
+        checkpoint_every_steps: 100,
+        ..Preset::Tiny.config()
+    }
+}
+
+fn on_cpu(
+    config: &TrainingConfig,
+    folder: &Path,
+    observer: &mut dyn TrainingObserver,
+) -> Result<TrainingReport, TrainingError> {
+    train_on(&Device::flex(), &sets(), config, folder, observer)
+}
+
+fn weights_of(report: &TrainingReport) -> Vec<NamedWeights> {
+    collect(&report.model.network)
+}
+
+#[test]
+fn the_same_seed_gives_the_same_weights_and_another_seed_others() {
+    let run = |seed| {
+        let folder = tempfile::tempdir().unwrap();
+        let config = TrainingConfig { seed, ..tiny(8) };
+        weights_of(&on_cpu(&config, folder.path(), &mut SilentObserver).unwrap())
+    };
+    assert_eq!(run(1), run(1));
+    assert_ne!(run(1), run(2));
+}
+
+#[test]
+fn a_stopped_training_goes_on_to_the_same_weights() {
+    let whole = tempfile::tempdir().unwrap();
+    let uninterrupted = on_cpu(&tiny(12), whole.path(), &mut SilentObserver).unwrap();
+
+    let parts = tempfile::tempdir().unwrap();
+    let mut stopping = Counting {
+        stop_after: Some(5),
+        ..Counting::default()
+    };
+    let stopped = on_cpu(&tiny(12), parts.path(), &mut stopping);
+    assert!(matches!(
+        stopped,
+        Err(TrainingError::Stopped { step: 5, .. })
+    ));
+    let mut rest = Counting::default();
+    let resumed = on_cpu(&tiny(12), parts.path(), &mut rest).unwrap();
+    assert_eq!(rest.steps, 7);
+    assert_eq!(weights_of(&resumed), weights_of(&uninterrupted));
+
+    let losses = |folder: &Path| std::fs::read_to_string(folder.join("losses.csv")).unwrap();
+    assert_eq!(losses(parts.path()), losses(whole.path()));
+    let finished = on_cpu(&tiny(12), parts.path(), &mut Counting::default()).unwrap();
+    assert_eq!(weights_of(&finished), weights_of(&uninterrupted));
+    let of_run = TrainedModel::of_run(parts.path()).unwrap().unwrap();
+    assert_eq!(collect(&of_run.network), weights_of(&uninterrupted));
+}
+
+#[test]
+fn a_checkpoint_of_another_training_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    on_cpu(&tiny(2), folder.path(), &mut SilentObserver).unwrap();
+    let error = on_cpu(&tiny(3), folder.path(), &mut SilentObserver).unwrap_err();
+    assert!(matches!(
+        error,
+        TrainingError::CheckpointOfAnother {
+            what: "configurations",
+            ..
+        }
+    ));
+    let other = [synthetic::demonstrations("c", 4, 12, 9)];
+    let error = train_on(
+        &Device::flex(),
+        &other,
+        &tiny(2),
+        folder.path(),
+        &mut SilentObserver,
+    );
+    assert!(matches!(
+        error.unwrap_err(),
+        TrainingError::CheckpointOfAnother {
+            what: "demonstrations",
+            ..
+        }
+    ));
+}
+
+#[test]
+fn a_learning_rate_beyond_reason_is_told_as_divergence() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = tiny(40);
+    config.optimiser.learning_rate = 1e30;
+    let error = on_cpu(&config, folder.path(), &mut SilentObserver).unwrap_err();
+    assert!(matches!(error, TrainingError::Diverged { .. }), "{error}");
+}
+
+#[test]
+fn one_batch_can_be_learnt_by_heart() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = tiny(150);
+    config.network.dropout = 0.0;
+    config.network.encoder.stochastic_depth = 0.0;
+    config.augmentation.shift_pixels = 0;
+    config.augmentation.brightness = 0.0;
+    config.augmentation.tint = 0.0;
+    let data = Dataset::new(&sets()).unwrap();
+    let device = Device::flex();
+    let mut run = Run::prepare(&data, &config, folder.path(), &device).unwrap();
+    let pictures = run.pictures.clone();
+    let batcher = Batcher {
+        data: &data,
+        sampler: run.batches.clone(),
+        pictures: &pictures,
+        config: &config,
+    };
+    let first = run.step(batcher.step_input(0), 3e-3).unwrap();
+    let mut last = first;
+    for _ in 0..150 {
+        last = run.step(batcher.step_input(0), 3e-3).unwrap();
+    }
+    assert!(last.total < 0.1 * first.total, "{first:?} {last:?}");
+}
+
+#[test]
+fn losses_fall_and_validations_come_when_they_are_due() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut observer = Counting::default();
+    let report = on_cpu(&tiny(60), folder.path(), &mut observer).unwrap();
+    assert_eq!((observer.steps, observer.validations), (60, 15));
+    assert!(observer.last < observer.first);
+    assert_eq!(report.steps, 60);
+}

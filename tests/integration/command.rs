@@ -1,0 +1,213 @@
+//! The command as a user types it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn catena(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_catena"))
+        .args(arguments)
+        .current_dir(root())
+        .output()
+        .expect("the command starts")
+}
+
+fn text(output: &[u8]) -> String {
+    String::from_utf8_lossy(output).into_owned()
+}
+
+fn succeeded(arguments: &[&str]) -> String {
+    let output = catena(arguments);
+    assert!(
+        output.status.success(),
+        "catena {arguments:?}\n{}{}",
+        text(&output.stdout),
+        text(&output.stderr)
+    );
+    text(&output.stdout)
+}
+
+fn path(path: &Path) -> &str {
+    path.to_str().expect("UTF-8")
+}
+
+fn bytes_of(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut files: Vec<_> = fs::read_dir(folder)
+        .expect("the folder is there")
+        .map(|entry| entry.expect("an entry"))
+        .map(|e| {
+            (
+                e.file_name().to_string_lossy().into_owned(),
+                fs::read(e.path()).expect("a file"),
+            )
+        })
+        .collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn recording_goes_on_where_it_was_killed_and_ends_with_the_same_bytes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (once, twice) = (folder.path().join("once"), folder.path().join("twice"));
+    let record = |demos: &str, out: &Path| {
+        succeeded(&[
+            "record",
+            "wine",
+            "--demos",
+            demos,
+            "--seed",
+            "3",
+            "--out",
+            path(out),
+        ])
+    };
+    record("2", &once);
+    record("1", &twice);
+    // What a killed process leaves: a draft beside the finished recordings.
+    fs::write(twice.join(".wine_03000001.mcap.draft"), b"half a recording").expect("written");
+    record("2", &twice);
+    let finished = |folder: &Path| {
+        let mut files = bytes_of(folder);
+        files.retain(|(name, _)| !name.starts_with('.'));
+        files
+    };
+    assert_eq!(finished(&once).len(), 2);
+    assert_eq!(finished(&once), finished(&twice));
+    let report = succeeded(&["demos", path(&twice)]);
+    assert!(
+        report.contains("head 90x160") && report.contains("15 primitives"),
+        "{report}"
+    );
+}
+
+#[test]
+fn demonstrations_become_a_model_and_a_graph_that_belong_together() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    succeeded(&[
+        "record",
+        "wine",
+        "--demos",
+        "3",
+        "--seed",
+        "4",
+        "--out",
+        path(&at("wine")),
+    ]);
+    let train = |model: &Path, seed: &str| {
+        succeeded(&[
+            "train",
+            path(&at("wine")),
+            "--out",
+            path(model),
+            "--preset",
+            "tiny",
+            "--steps",
+            "20",
+            "--seed",
+            seed,
+        ])
+    };
+    train(&at("model"), "1");
+    train(&at("other"), "2");
+    let build = |model: &Path, out: &Path| {
+        catena(&[
+            "graph",
+            "build",
+            "tasks/wine.yaml",
+            "--demos",
+            path(&at("wine")),
+            "--model",
+            path(model),
+            "--out",
+            path(out),
+        ])
+    };
+    assert!(build(&at("model"), &at("graph")).status.success());
+    assert!(build(&at("other"), &at("other_graph")).status.success());
+    let again = text(&build(&at("model"), &at("graph")).stdout);
+    assert!(again.contains("up to date"), "{again}");
+    let shown = succeeded(&["graph", "show", path(&at("graph"))]);
+    assert!(shown.contains("wine"), "{shown}");
+    let merged = catena(&[
+        "graph",
+        "merge",
+        path(&at("graph")),
+        path(&at("other_graph")),
+        "--model",
+        path(&at("model")),
+        "--out",
+        path(&at("merged")),
+    ]);
+    assert!(!merged.status.success(), "graphs of two models were merged");
+    let digest = |model: &Path| {
+        let manifest = fs::read_to_string(model.join("manifest.json")).expect("a manifest");
+        manifest.len()
+    };
+    assert!(digest(&at("model")) > 0);
+    assert!(
+        text(&merged.stderr).contains("model"),
+        "{}",
+        text(&merged.stderr)
+    );
+    assert!(!at("merged").exists(), "a refused merge leaves nothing");
+}
+
+#[test]
+fn the_shipped_chain_is_planned_without_a_shortcut() {
+    let json = succeeded(&["compose", "tasks/sequences/sock_then_trash.yaml", "--json"]);
+    let plan: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    assert_eq!(plan["tasks"], serde_json::json!(["sock", "trash"]));
+    assert_eq!(plan["audit"]["shortcuts"], serde_json::json!([]));
+    assert_eq!(plan["audit"]["missed"], serde_json::json!([]));
+    let last = plan["final_state"].as_str().expect("a state");
+    assert!(last.starts_with("trash"), "{last}");
+}
+
+#[test]
+fn a_run_leaves_its_files() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("short_run.yaml");
+    let yaml = fs::read_to_string(root().join("tasks/sequences/sock_then_trash.yaml"))
+        .expect("the composition")
+        .replace("name: sock_then_trash", "name: short_run")
+        .replace("limits: {steps: 400}", "limits: {steps: 8}");
+    fs::write(&file, yaml).expect("written");
+    let out = folder.path().join("out");
+    let printed = succeeded(&["run", path(&file), "--out", path(&out)]);
+    assert!(
+        printed.contains("missed") && printed.contains("drawer_open"),
+        "{printed}"
+    );
+    for name in [
+        "rollout.mcap",
+        "rollout.rrd",
+        "merged_graph.svg",
+        "summary.json",
+    ] {
+        let length = fs::metadata(out.join(name)).expect(name).len();
+        assert!(length > 1000, "{name} has {length} bytes");
+    }
+    let summary = fs::read(out.join("summary.json")).expect("the summary");
+    let summary: serde_json::Value = serde_json::from_slice(&summary).expect("JSON");
+    assert_eq!(summary["result"]["steps"], 8);
+    assert_eq!(summary["success"], false);
+    let report = succeeded(&["demos", path(&out.join("rollout.mcap"))]);
+    assert!(report.contains("/plan"), "{report}");
+}
+
+#[test]
+fn a_wrong_composition_is_refused_with_its_line() {
+    let output = catena(&[
+        "compose",
+        "tests/diagnostics/compositions/unknown_task.yaml",
+    ]);
+    assert!(!output.status.success());
+    let said = text(&output.stderr);
+    assert!(said.contains("unknown_task.yaml"), "{said}");
+}
