@@ -1,5 +1,5 @@
 //! From MCAP recordings of a real robot to a merged graph: trains a tiny network on a few episodes of
-//! two kitchen tasks (BridgeData V2, CC-BY-4.0, see `tests/data/bridge/README.md`), builds a graph of
+//! two kitchen tasks (`BridgeData` V2, CC-BY-4.0, see `tests/data/bridge/README.md`), builds a graph of
 //! each task and merges them.
 //!
 //! `cargo run --release --example 02_build_and_merge`
@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let steps = sets
         .iter()
-        .flat_map(|s| s.trajectories())
+        .flat_map(DemonstrationSet::trajectories)
         .flat_map(|t| &t.steps);
     let space = sets[0].action_space().binned(steps.map(|s| &s.action), 11);
     let sets = sets

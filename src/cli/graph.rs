@@ -69,7 +69,7 @@ fn build_graph(
         .collect::<Result<_, _>>()?;
     let bar = progress::bar("building", 0);
     let graph = build(&set, &subgoals, &model, &model, &options, &|p| {
-        show_progress(&bar, p)
+        show_progress(&bar, p);
     })?;
     bar.finish_and_clear();
     let manifest = GraphManifest::new(

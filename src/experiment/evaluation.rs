@@ -198,6 +198,7 @@ impl fmt::Display for Evaluation {
 
 #[cfg(test)]
 mod tests {
+    use super::SubgoalOutcome::{Missed, Reached, Skipped};
     use super::*;
 
     fn episode(seed: u64, success: bool, outcomes: [SubgoalOutcome; 2]) -> EpisodeResult {
@@ -216,7 +217,6 @@ mod tests {
 
     #[test]
     fn sums_up_by_hand() {
-        use SubgoalOutcome::{Missed, Reached, Skipped};
         let results = vec![
             episode(0, true, [Reached, Reached]),
             episode(1, false, [Skipped, Reached]),

@@ -81,6 +81,7 @@ impl Score {
 
 #[cfg(test)]
 mod tests {
+    use super::SubgoalOutcome::{Missed, Reached, Skipped};
     use super::*;
     use crate::task::{Subgoal, Task};
 
@@ -110,7 +111,6 @@ mod tests {
         let mut score = Score::new(&automaton());
         score.observe(1, |n| n == "a");
         score.observe(2, |n| n == "c");
-        use SubgoalOutcome::{Reached, Skipped};
         assert_eq!(score.outcomes(), [Reached, Skipped, Reached]);
         score.observe(3, |n| n == "b");
         assert_eq!(score.outcomes(), [Reached, Skipped, Reached]);
@@ -121,7 +121,6 @@ mod tests {
     fn what_never_held_is_missed() {
         let mut score = Score::new(&automaton());
         score.observe(5, |n| n == "a");
-        use SubgoalOutcome::{Missed, Reached};
         assert_eq!(score.outcomes(), [Reached, Missed, Missed]);
     }
 }

@@ -96,7 +96,8 @@ mod tests {
     fn another_size_or_depth_or_name_is_an_error_that_names_the_camera() {
         let state = State::from_history(&[observation(0)], 2);
         for wrong in [camera("head", 3), camera("wrist", 2)] {
-            let error = planes(&[state.clone()], &wrong, 2).expect_err("it does not fit");
+            let error =
+                planes(std::slice::from_ref(&state), &wrong, 2).expect_err("it does not fit");
             let message = error.to_string();
             assert!(
                 message.contains(&wrong.name) && message.contains("'head' at 1x2"),

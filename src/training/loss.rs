@@ -219,7 +219,7 @@ mod tests {
         let device = Device::flex();
         let logits = Tensor::<2>::from_data([[0.0, 0.0, 0.0, 0.0, 0.0]], &device);
         let loss = policy_entropies(&logits, &[vec![1], vec![2]], &[2, 3]);
-        let expected = (2.0_f32.ln() + 3.0_f32.ln()) / 2.0;
+        let expected = 2.0_f32.ln().midpoint(3.0_f32.ln());
         assert!((loss.into_scalar::<f32>() - expected).abs() < 1e-6);
     }
 }
