@@ -98,14 +98,7 @@ impl Planner {
         localisation: &Localisation,
         distances: &LiveDistances,
     ) -> Option<GoalChoice> {
-        let entry = Entry {
-            place,
-            price: Price {
-                cost: 0.0,
-                steps: 0,
-            },
-            total: self.costs.cost(place)?,
-        };
+        let entry = self.entry_at(place)?;
         Some(self.choose(localisation, distances, &entry, GoalBasis::Belief))
     }
 
@@ -193,14 +186,18 @@ impl Planner {
                 || self.options.search == Search::Unconstrained
         };
         let place = self.layout.places_of(localisation.node).find(here)?;
-        let total = self.costs.cost(place)?;
+        self.entry_at(place)
+    }
+
+    /// The entry of a robot that is at a place already.
+    fn entry_at(&self, place: PlaceId) -> Option<Entry> {
         Some(Entry {
             place,
             price: Price {
                 cost: 0.0,
                 steps: 0,
             },
-            total,
+            total: self.costs.cost(place)?,
         })
     }
 
