@@ -3,15 +3,19 @@
 //! A run sees camera images and the robot's own actions, nothing else. It tells what it does through
 //! [`RolloutObserver`] and typed [`Event`]s; pictures and files are made elsewhere.
 
+mod episode;
 mod error;
 mod event;
+mod hypotheses;
 mod options;
 mod reflex;
 mod run;
+mod running;
 mod step;
 
+pub use episode::{Episode, EpisodeEnd};
 pub use error::RolloutError;
 pub use event::Event;
 pub use options::RolloutOptions;
-pub use run::{Episode, EpisodeEnd, Rollout, RolloutModel};
+pub use run::{Rollout, RolloutModel};
 pub use step::{RolloutObserver, StepRecord, StepTimes};

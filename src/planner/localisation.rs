@@ -1,61 +1,6 @@
-use serde::{Deserialize, Serialize};
-
 use super::motion::Motion;
-use super::{Layout, LiveDistances, PlaceId};
+use super::{FilterOptions, Layout, LiveDistances, PlaceId};
 use crate::graph::NodeId;
-
-/// How the robot is followed along a composition.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct FilterOptions {
-    /// Weight of staying at a state for a step; the three weights are relative to each other.
-    pub stay: f64,
-    /// Weight of going on to the next state of the same demonstration.
-    pub advance: f64,
-    /// Weight of going on by two states.
-    pub hurry: f64,
-    /// Probability of a jump to any state at about the same time of the composition.
-    pub jump: f64,
-    /// Probability of being anywhere at all, whatever was known: how fast an error is forgotten.
-    pub restart: f64,
-    /// Power that likelihoods are raised to: below 1 because images that follow each other err alike.
-    pub evidence_weight: f64,
-    /// Least likelihood of a state, so that one wrong prediction rules nothing out.
-    pub floor: f64,
-    /// Probability that the next stage must have for a vote to go there.
-    pub advance_mass: f64,
-    /// Votes in a row until the stage advances.
-    pub advance_votes: u32,
-    /// Probability that earlier stages must have together for a vote to fall back.
-    pub regress_mass: f64,
-    /// Votes in a row until the stage falls back (what was held has slipped); `None`: never.
-    pub regress_votes: Option<u32>,
-    /// The robot is lost when the states where it is believed to be are connected to what it sees
-    /// with less than this probability ...
-    pub lost_probability: f64,
-    /// ... for so many steps in a row.
-    pub lost_patience: u32,
-}
-
-impl Default for FilterOptions {
-    fn default() -> Self {
-        Self {
-            stay: 0.25,
-            advance: 0.6,
-            hurry: 0.15,
-            jump: 0.05,
-            restart: 1e-4,
-            evidence_weight: 1.5,
-            floor: 1e-3,
-            advance_mass: 0.6,
-            advance_votes: 2,
-            regress_mass: 0.85,
-            regress_votes: Some(4),
-            lost_probability: 0.2,
-            lost_patience: 4,
-        }
-    }
-}
 
 /// What became of the stage in a step.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,22 +1,18 @@
 use std::sync::Arc;
-use std::time::Instant;
 
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use serde::{Deserialize, Serialize};
-
-use super::reflex::Reflex;
-use super::{Event, RolloutError, RolloutObserver, RolloutOptions, StepRecord, StepTimes};
+use super::running::{Run, Watch};
+use super::{
+    Episode, EpisodeEnd, Event, RolloutError, RolloutObserver, RolloutOptions, StepRecord,
+    StepTimes,
+};
 use crate::composer::OnShortcut;
 use crate::environment::Environment;
 use crate::graph::NodeId;
 use crate::model::{
     ActionDistribution, Encoder, Latents, LocalPolicy, Projections, Traversability,
 };
-use crate::planner::{
-    GoalChoice, Join, LiveDistances, Localisation, Planner, Search, StageChange, StageFilter,
-};
-use crate::trajectory::{Observation, State};
+use crate::planner::{GoalChoice, LiveDistances, Localisation, Planner, StageChange, StageFilter};
+use crate::trajectory::State;
 
 /// The three parts of a learned model; one object often is all of them.
 #[derive(Clone, Copy)]
@@ -29,45 +25,14 @@ pub struct RolloutModel<'a> {
     pub policy: &'a dyn LocalPolicy,
 }
 
-/// Why a run ended.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum EpisodeEnd {
-    /// All subgoals are seen to be reached, and the robot is at a final state or has settled.
-    Finished,
-    /// The limit of time steps was hit.
-    OutOfSteps,
-    /// A shortcut was seen, and the composition says to stop.
-    Shortcut,
-    /// There is no way on; why.
-    NoPath(String),
-}
-
-/// What became of a run, as seen from images and actions alone.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Episode {
-    /// Time steps.
-    pub steps: usize,
-    /// Why it ended.
-    pub end: EpisodeEnd,
-    /// How many subgoals were seen to be reached.
-    pub stage: usize,
-    /// All events in order.
-    pub events: Vec<Event>,
-    /// Steps at which the robot was lost.
-    pub lost_steps: usize,
-    /// What each step took.
-    pub times: Vec<StepTimes>,
-}
-
 /// A composition, ready to be run again and again.
 pub struct Rollout<'a> {
     model: RolloutModel<'a>,
-    planner: Planner,
-    filter: StageFilter,
+    pub(super) planner: Planner,
+    pub(super) filter: StageFilter,
     projections: Projections,
     candidates: Vec<NodeId>,
-    options: RolloutOptions,
+    pub(super) options: RolloutOptions,
 }
 
 impl<'a> Rollout<'a> {
@@ -346,110 +311,5 @@ impl<'a> Rollout<'a> {
             run.reflex.choose(&distribution)
         };
         Ok((distribution, classes))
-    }
-}
-
-impl Rollout<'_> {
-    /// The goal states that follow from where the robot may be, with their weights: a belief over
-    /// several states is not settled by taking the first of them.
-    fn goal_states(
-        &self,
-        run: &Run,
-        localisation: &Localisation,
-        goal: &GoalChoice,
-    ) -> Vec<(NodeId, f64)> {
-        let options = self.planner.options();
-        let one = vec![(goal.node, 1.0)];
-        if options.search != Search::InOrder
-            || options.join != Join::Believed
-            || localisation.is_lost
-        {
-            return one;
-        }
-        let places = self.filter.most_probable_places(self.options.hypotheses);
-        let goals: Vec<(NodeId, f64)> = places
-            .into_iter()
-            .filter_map(|(place, weight)| {
-                let goal = self
-                    .planner
-                    .goal_from(place, localisation, &run.distances)?;
-                Some((goal.node, weight))
-            })
-            .collect();
-        if goals.is_empty() { one } else { goals }
-    }
-}
-
-/// What changes during an episode.
-struct Run {
-    step: usize,
-    history: Vec<Arc<Observation>>,
-    distances: LiveDistances,
-    stage: usize,
-    stage_step: usize,
-    is_lost: bool,
-    lost_steps: usize,
-    least_cost: f64,
-    progress_step: usize,
-    reflex: Reflex,
-    rng: ChaCha8Rng,
-    pending: Vec<Event>,
-    events: Vec<Event>,
-    times: Vec<StepTimes>,
-}
-
-impl Run {
-    fn new(first: Observation, seed: u64) -> Self {
-        Self {
-            step: 0,
-            history: vec![Arc::new(first)],
-            distances: LiveDistances::unknown(0, 1),
-            stage: 0,
-            stage_step: 0,
-            is_lost: false,
-            lost_steps: 0,
-            least_cost: f64::INFINITY,
-            progress_step: 0,
-            reflex: Reflex::default(),
-            rng: ChaCha8Rng::seed_from_u64(seed),
-            pending: Vec::new(),
-            events: Vec::new(),
-            times: Vec::new(),
-        }
-    }
-
-    fn newest(&self) -> &Arc<Observation> {
-        &self.history[self.history.len() - 1]
-    }
-
-    /// A new stage: cost-to-go starts afresh.
-    fn enter(&mut self, stage: usize) {
-        self.stage = stage;
-        self.stage_step = self.step;
-        self.least_cost = f64::INFINITY;
-        self.progress_step = self.step;
-    }
-
-    /// Keeps as many observations as a state needs.
-    fn see(&mut self, observation: Observation, stack: usize) {
-        self.step += 1;
-        self.history.push(Arc::new(observation));
-        let excess = self.history.len().saturating_sub(stack.max(1));
-        self.history.drain(..excess);
-    }
-}
-
-struct Watch(Instant);
-
-impl Watch {
-    fn start() -> Self {
-        Self(Instant::now())
-    }
-
-    fn lap_ms(&mut self) -> f64 {
-        let now = Instant::now();
-        let ms = (now - self.0).as_secs_f64() * 1e3;
-        self.0 = now;
-        ms
     }
 }

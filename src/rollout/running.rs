@@ -1,0 +1,85 @@
+use std::sync::Arc;
+use std::time::Instant;
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::reflex::Reflex;
+use super::{Event, StepTimes};
+use crate::planner::LiveDistances;
+use crate::trajectory::Observation;
+
+/// What changes during an episode.
+pub(super) struct Run {
+    pub(super) step: usize,
+    pub(super) history: Vec<Arc<Observation>>,
+    pub(super) distances: LiveDistances,
+    pub(super) stage: usize,
+    pub(super) stage_step: usize,
+    pub(super) is_lost: bool,
+    pub(super) lost_steps: usize,
+    pub(super) least_cost: f64,
+    pub(super) progress_step: usize,
+    pub(super) reflex: Reflex,
+    pub(super) rng: ChaCha8Rng,
+    pub(super) pending: Vec<Event>,
+    pub(super) events: Vec<Event>,
+    pub(super) times: Vec<StepTimes>,
+}
+
+impl Run {
+    pub(super) fn new(first: Observation, seed: u64) -> Self {
+        Self {
+            step: 0,
+            history: vec![Arc::new(first)],
+            distances: LiveDistances::unknown(0, 1),
+            stage: 0,
+            stage_step: 0,
+            is_lost: false,
+            lost_steps: 0,
+            least_cost: f64::INFINITY,
+            progress_step: 0,
+            reflex: Reflex::default(),
+            rng: ChaCha8Rng::seed_from_u64(seed),
+            pending: Vec::new(),
+            events: Vec::new(),
+            times: Vec::new(),
+        }
+    }
+
+    pub(super) fn newest(&self) -> &Arc<Observation> {
+        &self.history[self.history.len() - 1]
+    }
+
+    /// A new stage: cost-to-go starts afresh.
+    pub(super) fn enter(&mut self, stage: usize) {
+        self.stage = stage;
+        self.stage_step = self.step;
+        self.least_cost = f64::INFINITY;
+        self.progress_step = self.step;
+    }
+
+    /// Keeps as many observations as a state needs.
+    pub(super) fn see(&mut self, observation: Observation, stack: usize) {
+        self.step += 1;
+        self.history.push(Arc::new(observation));
+        let excess = self.history.len().saturating_sub(stack.max(1));
+        self.history.drain(..excess);
+    }
+}
+
+/// Times the parts of a step.
+pub(super) struct Watch(Instant);
+
+impl Watch {
+    pub(super) fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    pub(super) fn lap_ms(&mut self) -> f64 {
+        let now = Instant::now();
+        let ms = (now - self.0).as_secs_f64() * 1e3;
+        self.0 = now;
+        ms
+    }
+}
