@@ -1,18 +1,21 @@
 //! What really is the case in the bedroom: for scores and for the operator, never for a planner or
 //! a policy.
 
+use nalgebra::{Isometry3, Point3};
+
 use super::kinematics::Tool;
 use super::layout::Receptacle;
 use super::variation::BedroomTask;
-use super::world::{Graspable, World};
+use super::world::{Graspable, TISSUE_HALF_M, World};
 
 /// The drawer counts as open from here on: wide enough to reach for the sock.
 const OPEN_M: f32 = 0.18;
 /// A thing counts as grasped once it is held this far above its place.
 const LIFTED_M: f32 = 0.02;
-/// The tissue's middle lies within this distance of the spill's, so that it covers the middle and
-/// most of the rest.
-const COVERING_M: f32 = 0.04;
+/// The spill counts as covered once this share of the puddle is under the tissue.
+const COVERED_SHARE: f32 = 0.75;
+/// Points across the puddle at which it is looked whether the tissue is above.
+const PUDDLE_POINTS: i32 = 21;
 
 /// Which subgoals hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,7 +33,7 @@ pub struct Truth {
     pub can_in_bin: bool,
     /// The gripper holds the tissue up.
     pub tissue_grasped: bool,
-    /// The tissue lies on the chest, over the spill.
+    /// The tissue lies on the chest, over most of the spill.
     pub spill_covered: bool,
 }
 
@@ -89,10 +92,26 @@ fn is_inside(world: &World, thing: Graspable, receptacle: &Receptacle) -> bool {
 fn covers_spill(world: &World) -> bool {
     let tissue = world.world_from(Graspable::Tissue);
     let up = tissue.rotation * nalgebra::Vector3::z();
-    let [x, y] = world.spill_m();
-    let aside = (tissue.translation.x - x).hypot(tissue.translation.y - y);
     let above = tissue.translation.z - world.layout().chest.top_m;
-    aside < COVERING_M && above.abs() < 0.02 && up.z > 0.9
+    above.abs() < 0.02 && up.z > 0.9 && covered_share(world, &tissue) >= COVERED_SHARE
+}
+
+/// Share of the puddle's points that lie under the tissue.
+fn covered_share(world: &World, tissue: &Isometry3<f32>) -> f32 {
+    let ([x, y], radius) = (world.spill_m(), world.layout().spill_radius_m);
+    let half = PUDDLE_POINTS / 2;
+    let (mut points, mut covered) = (0_u32, 0_u32);
+    for (i, j) in (-half..=half).flat_map(|i| (-half..=half).map(move |j| (i, j))) {
+        let (dx, dy) = (i as f32 / half as f32, j as f32 / half as f32);
+        if dx.hypot(dy) > 1.0 {
+            continue;
+        }
+        let at = Point3::new(x + radius * dx, y + radius * dy, tissue.translation.z);
+        let seen = tissue.inverse_transform_point(&at);
+        points += 1;
+        covered += u32::from(seen.x.abs().max(seen.y.abs()) <= TISSUE_HALF_M);
+    }
+    covered as f32 / points as f32
 }
 
 /// What the operator knows besides the subgoals: places in the world, metres and radians.

@@ -20,6 +20,7 @@ use super::robot::Robot;
 use super::variation::Arrangement;
 
 pub(crate) use gripper::Held;
+pub(crate) use things::TISSUE_HALF_M;
 
 /// Physics steps a second.
 const RATE_HZ: f32 = 120.0;

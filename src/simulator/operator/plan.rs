@@ -58,6 +58,7 @@ fn from_ahead(thing: Graspable, target: Target, above_m: f32) -> Stage {
         thing,
         target,
         above_m,
+        short_m: 0.0,
         from_above: false,
     })
 }
@@ -87,6 +88,7 @@ fn fetch_sock(insight: &Insight, rng: &mut ChaCha8Rng) -> Vec<Stage> {
             thing: Graspable::Sock,
             target: Target::Sock,
             above_m: 0.014,
+            short_m: 0.007,
             from_above: true,
         }),
         Stage::Raise(OVER_DRAWER_M),

@@ -36,6 +36,8 @@ pub(super) struct Grasp {
     pub target: Target,
     /// Where to take it, above the target's middle.
     pub above_m: f32,
+    /// How far before the middle the hand is to be, so that errors to either side are forgiven alike.
+    pub short_m: f32,
     /// Come down on it; otherwise come from ahead.
     pub from_above: bool,
 }
@@ -167,7 +169,7 @@ impl Grasp {
     pub(super) fn next(&self, insight: &Insight, slack_steps: u8) -> Option<Primitive> {
         let [ahead, left] = self.target.relative_to_base(insight);
         let tool = &insight.tool;
-        let (dx, dy) = (ahead - tool.x_m, left - tool.y_m);
+        let (dx, dy) = (ahead - self.short_m - tool.x_m, left - tool.y_m);
         let dz = self.target.place(insight)[2] + self.above_m - tool.z_m;
         let slack_m = f32::from(slack_steps) * TOOL_STEP_M;
         if self.from_above {

@@ -1,6 +1,6 @@
 //! The robot's body: base, mast, links and fingers.
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 use rapier3d::prelude::{
     CoefficientCombineRule, ColliderHandle, ImpulseJointHandle, MotorModel, Pose,
     PrismaticJointBuilder, RigidBodyBuilder, RigidBodyHandle, Vector,
@@ -13,7 +13,7 @@ use super::gripper::{
     FINGER_DAMPING, FINGER_FORCE_N, FINGER_OPEN_M, FINGER_PLAY_M, FINGER_STIFFNESS,
     FINGER_THICKNESS_M, SIDES,
 };
-use crate::simulator::kinematics::{PALM_TO_TOOL_M, shift};
+use crate::simulator::kinematics::{PALM_TO_TOOL_M, shift, spin};
 use crate::simulator::palette::Palette;
 use crate::simulator::render::{Material, Shape};
 use crate::simulator::robot::Robot;
@@ -33,6 +33,9 @@ pub(super) const LINK_BOXES: [([f32; 3], [f32; 3]); 5] = [
 ];
 
 const PAD_HALF_M: [f32; 3] = [0.03, FINGER_THICKNESS_M, 0.012];
+/// The tips in front of the pads bend outwards, so that a thing a little aside slides in between.
+const TIP_HALF_M: [f32; 3] = [0.009, 0.002, 0.012];
+const TIP_FLARE_RAD: f32 = 0.7;
 
 const SHELL: Substance = Substance {
     mass_kg: 0.3,
@@ -122,6 +125,18 @@ impl Builder {
             others: LOOSE | HANDLE,
         };
         let pad = self.attach(body, form, rubber, material);
+        let polished = Substance {
+            mass_kg: 0.003,
+            friction: 0.1,
+            ..rubber
+        };
+        let (sine, cosine) = TIP_FLARE_RAD.sin_cos();
+        let [half_length, half_thickness, _] = TIP_HALF_M;
+        let ahead = PAD_HALF_M[0] + half_length * cosine - half_thickness * sine;
+        let outwards = half_length * sine + half_thickness * cosine - FINGER_THICKNESS_M;
+        let bend = spin(Vector3::z(), side * TIP_FLARE_RAD);
+        let tip = Form::cuboid(TIP_HALF_M, shift(ahead, side * outwards, 0.0) * bend);
+        self.attach(body, tip, polished, material);
         let bar = Shape::Box {
             half_extents: [0.015, 0.004, 0.008],
         };

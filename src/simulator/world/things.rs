@@ -14,11 +14,12 @@ use crate::simulator::layout::Layout;
 use crate::simulator::render::Shape;
 use crate::simulator::variation::{Arrangement, SockPlace};
 
-const SOCK_RADIUS_M: f32 = 0.024;
+const SOCK_RADIUS_M: f32 = 0.016;
 const SOCK_HALF_M: f32 = 0.028;
-const CAN_RADIUS_M: f32 = 0.023;
+const CAN_RADIUS_M: f32 = 0.020;
 const CAN_HALF_M: f32 = 0.06;
-const TISSUE_HALF_M: f32 = 0.055;
+/// Half of the side of the tissue, a square.
+pub(crate) const TISSUE_HALF_M: f32 = 0.085;
 const PEAK_RADIUS_M: f32 = 0.016;
 const PEAK_HALF_M: f32 = 0.034;
 const SKIRT_HALF_M: f32 = 0.003;
