@@ -5,11 +5,13 @@ mod convolution;
 mod encoder;
 mod head;
 mod initialiser;
+mod keypoints;
 
 pub use convolution::StandardisedConvolution;
 pub use encoder::{CameraEncoder, ResidualBlock};
 pub use head::{Dense, FlowHead};
 pub use initialiser::Initialiser;
+pub use keypoints::{Keypoints, coordinate_values};
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};

@@ -3,7 +3,9 @@ use burn::tensor::Tensor;
 use super::onnx::{Attribute, OnnxGraph};
 use crate::training::TrainedModel;
 use crate::training::evaluation::values;
-use crate::training::network::{CameraEncoder, Dense, FlowHead, ResidualBlock};
+use crate::training::network::{
+    CameraEncoder, Dense, FlowHead, Keypoints, ResidualBlock, coordinate_values,
+};
 use crate::training::patches::PatchGrid;
 
 /// `encoder.onnx`: raw pixel values of each camera to the latent. Normalisation is inside.
@@ -44,13 +46,43 @@ fn camera_encoder(
 ) -> String {
     let stem = stem(graph, &encoder.stem, grid, input);
     let mut x = graph.node("Relu", &[&stem], &[]);
-    for stage in &encoder.stages {
+    let mut places = None;
+    for (index, stage) in encoder.stages.iter().enumerate() {
         let merged = merge(graph, &stage.merge, &x);
         let merged = graph.node("Relu", &[&merged], &[]);
         x = residual_block(graph, &stage.block, &merged);
+        if let Some(found) = encoder.keypoints.as_ref().filter(|_| index == 0) {
+            let (rows, columns) = (encoder.rows / 2, encoder.columns / 2);
+            places = Some(keypoints(graph, found, [rows, columns], &x));
+        }
     }
     let flat = graph.node("Flatten", &[&x], &[Attribute::Int("axis", 1)]);
-    latent(graph, encoder, &flat)
+    let latent = latent(graph, encoder, &flat);
+    match places {
+        Some(places) => graph.node("Add", &[&latent, &places], &[]),
+        None => latent,
+    }
+}
+
+/// Softmax over the cells of a map, and the mean place under it.
+fn keypoints(
+    graph: &mut OnnxGraph,
+    keypoints: &Keypoints,
+    [rows, columns]: [usize; 2],
+    input: &str,
+) -> String {
+    let [channels, count] = keypoints.logits.weight.val().dims();
+    let filters: Tensor<4> =
+        (keypoints.logits.weight.val().transpose()).reshape([count, channels, 1, 1]);
+    let logits = convolution(graph, filters, keypoints.logits.bias.val(), 1, 0, input);
+    let cells = rows * columns;
+    let shape = graph.shape(&[0, count, cells]);
+    let logits = graph.node("Reshape", &[&logits, &shape], &[]);
+    let shares = graph.node("Softmax", &[&logits], &[Attribute::Int("axis", 2)]);
+    let places = graph.constant(&[cells, 2], &coordinate_values(rows, columns));
+    let found = graph.node("MatMul", &[&shares, &places], &[]);
+    let found = graph.node("Flatten", &[&found], &[Attribute::Int("axis", 1)]);
+    dense(graph, &keypoints.latent, &found)
 }
 
 /// The first layer: a matrix over patches while training, here the same as a convolution.

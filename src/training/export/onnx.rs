@@ -7,6 +7,8 @@ const IR_VERSION: i64 = 8;
 const OPSET: i64 = 17;
 /// `TensorProto.DataType.FLOAT`.
 const FLOAT: i64 = 1;
+/// `TensorProto.DataType.INT64`.
+const INT64: i64 = 7;
 /// `AttributeProto.AttributeType`.
 const INT: i64 = 2;
 const INTS: i64 = 7;
@@ -83,14 +85,27 @@ impl OnnxGraph {
     /// If there are more or fewer values than the shape says.
     pub fn constant(&mut self, dims: &[usize], values: &[f32]) -> String {
         assert_eq!(dims.iter().product::<usize>(), values.len());
-        let name = format!("w{}", self.weights.len());
         let raw: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.stored(dims, FLOAT, &raw)
+    }
+
+    /// Stores a shape for `Reshape` and returns its name; 0 keeps the dimension.
+    pub fn shape(&mut self, dims: &[usize]) -> String {
+        let raw: Vec<u8> = dims
+            .iter()
+            .flat_map(|dim| (*dim as i64).to_le_bytes())
+            .collect();
+        self.stored(&[dims.len()], INT64, &raw)
+    }
+
+    fn stored(&mut self, dims: &[usize], kind: i64, raw: &[u8]) -> String {
+        let name = format!("w{}", self.weights.len());
         let tensor = dims
             .iter()
             .fold(Message::default(), |m, dim| m.int(1, *dim as i64))
-            .int(2, FLOAT)
+            .int(2, kind)
             .text(8, &name)
-            .bytes(9, &raw);
+            .bytes(9, raw);
         self.weights.push(tensor);
         name
     }

@@ -2,7 +2,7 @@ use burn::module::Module;
 use burn::tensor::Tensor;
 use burn::tensor::activation::relu;
 
-use super::{Dense, Initialiser, StandardisedConvolution};
+use super::{Dense, Initialiser, Keypoints, StandardisedConvolution};
 use crate::training::EncoderConfig;
 use crate::training::patches::PatchGrid;
 
@@ -24,6 +24,8 @@ pub struct CameraEncoder {
     pub stages: Vec<Stage>,
     /// From all cells of the last feature map to the latent.
     pub latent: Dense,
+    /// What the places in the first stage's map add to the latent.
+    pub keypoints: Option<Keypoints>,
     /// Rows of patches.
     pub rows: usize,
     /// Columns of patches.
@@ -62,10 +64,18 @@ impl CameraEncoder {
             channels = *wider;
         }
         let cells = grid.positions() >> (2 * stages.len());
+        let latent = Dense::new(cells * channels, config.latent_dim, 1.0, init);
+        let first = config
+            .stage_channels
+            .first()
+            .filter(|_| config.keypoints > 0);
         Self {
             stem,
             stages,
-            latent: Dense::new(cells * channels, config.latent_dim, 1.0, init),
+            latent,
+            keypoints: first.map(|channels| {
+                Keypoints::new(*channels, config.keypoints, config.latent_dim, init)
+            }),
             rows: grid.rows(),
             columns: grid.columns(),
         }
@@ -81,13 +91,22 @@ impl CameraEncoder {
             .forward(patches.reshape([n * positions, patch_len]));
         let channels = stem.dims()[1];
         let mut x = relu(stem).reshape([n, self.rows, self.columns, channels]);
+        let mut places = None;
         for (index, stage) in self.stages.iter().enumerate() {
             x = stage.merge(x);
             x = stage.block.forward(x, masks.map(|m| m[index].clone()));
+            if let Some(keypoints) = self.keypoints.as_ref().filter(|_| index == 0) {
+                places = Some(keypoints.forward(x.clone()));
+            }
         }
         let [n, rows, columns, channels] = x.dims();
-        self.latent
-            .forward(x.reshape([n, rows * columns * channels]))
+        let latent = self
+            .latent
+            .forward(x.reshape([n, rows * columns * channels]));
+        match places {
+            Some(places) => latent + places,
+            None => latent,
+        }
     }
 }
 
