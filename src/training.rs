@@ -7,6 +7,7 @@
 //! and [`train`] keeps the weights that do best on held-out demonstrations. [`export`] writes them as
 //! ONNX files with a manifest; nothing outside this room needs Burn.
 
+mod alignment;
 mod augmentation;
 mod batch;
 mod budget;

@@ -6,6 +6,7 @@ use indicatif::ProgressBar;
 use super::arguments::TrainArguments;
 use super::error::CliError;
 use super::progress;
+use crate::model::ValidationMetrics;
 use crate::storage::{demonstrations_digest, load_demonstrations};
 use crate::training::{
     Preset, TrainingConfig, TrainingEvent, TrainingObserver, export, train as fit,
@@ -38,18 +39,26 @@ pub(super) fn train(arguments: &TrainArguments) -> Result<(), CliError> {
     let metrics = &manifest.training.validation;
     println!(
         "{} steps in {:.0} s ({:.0} states/s); best after step {}: traversability {:.1} % of classes right, \
-         policy {:.1} % of actions, look-alikes taken for near {:.2} %\nmodel {} in {}",
+         policy {:.1} % of actions ({} with goal states of other demonstrations), look-alikes taken for near {:.2} %\nmodel {} in {}",
         report.steps,
         report.spent_secs,
         report.states_per_sec,
         report.model.step,
         100.0 * metrics.traversability_accuracy,
         100.0 * metrics.policy_accuracy,
+        across(metrics),
         100.0 * metrics.look_alike_wormhole_rate,
         &manifest.digest()[..12],
         arguments.out.display(),
     );
     Ok(())
+}
+
+/// Accuracy with goal states of other demonstrations, for people.
+fn across(metrics: &ValidationMetrics) -> String {
+    metrics
+        .policy_accuracy_across
+        .map_or_else(|| "none".to_owned(), |a| format!("{:.1} %", 100.0 * a))
 }
 
 /// The trainer's checkpoint in its run folder.
@@ -163,11 +172,12 @@ impl TrainingObserver for Printer {
                 ..
             } => {
                 let line = format!(
-                    "step {step:>6}: held out: traversability loss {:.3}, {:.1} % right; policy loss {:.3}, {:.1} % right{}",
+                    "step {step:>6}: held out: traversability loss {:.3}, {:.1} % right; policy loss {:.3}, {:.1} % right, across {}{}",
                     metrics.traversability_loss,
                     100.0 * metrics.traversability_accuracy,
                     metrics.policy_loss,
                     100.0 * metrics.policy_accuracy,
+                    across(metrics),
                     if *is_best { "  (best)" } else { "" },
                 );
                 if self.bar.is_hidden() {

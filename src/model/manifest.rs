@@ -111,6 +111,10 @@ pub struct ValidationMetrics {
     pub policy_loss: f64,
     /// Share of the actions whose most probable class is right, averaged over the heads.
     pub policy_accuracy: f64,
+    /// The same with goal states of the same phase in other held-out demonstrations of the task, as a
+    /// robot is given them; `None` where no two held-out demonstrations go the same way.
+    #[serde(default)]
+    pub policy_accuracy_across: Option<f64>,
 }
 
 impl ModelManifest {

@@ -65,6 +65,8 @@ pub struct EncoderConfig {
     pub stem_channels: usize,
     /// Channels of each stage; a stage halves rows and columns and ends in a residual block.
     pub stage_channels: Vec<usize>,
+    /// Keypoints whose places in the first stage's map join the latent; 0 means none.
+    pub keypoints: usize,
     /// Values of the latent of one camera.
     pub latent_dim: usize,
     /// Probability with which a state skips a residual block while training.
@@ -87,6 +89,12 @@ pub struct SamplingConfig {
     /// Share of the far pairs' weight that goes to hard ones: look-alikes, and pairs that lead
     /// backward in time. The rest is uniform as in the paper.
     pub hard_share: f64,
+    /// Share of the windows that show the phase of another window in another demonstration of the same
+    /// task. The local policy then also learns with goal states of other demonstrations, which is what it
+    /// is given when it runs, and states of the same phase are not called far apart. 0 is the paper's way.
+    pub aligned_share: f64,
+    /// Share of the policy's weight that goes to goal states of other demonstrations.
+    pub aligned_policy_share: f64,
 }
 
 /// How images are varied while training; the same for all frames of a window.
@@ -159,6 +167,7 @@ impl Default for EncoderConfig {
             stem_stride: 4,
             stem_channels: 24,
             stage_channels: vec![32, 64, 96],
+            keypoints: 0,
             latent_dim: 96,
             stochastic_depth: 0.3,
         }
@@ -173,6 +182,8 @@ impl Default for SamplingConfig {
             far_pairs: 1_024,
             look_alike_share: 0.0,
             hard_share: 0.0,
+            aligned_share: 0.0,
+            aligned_policy_share: 0.0,
         }
     }
 }
@@ -258,6 +269,11 @@ impl TrainingConfig {
             ("network.encoder.stochastic_depth", encoder.stochastic_depth),
             ("sampling.look_alike_share", sampling.look_alike_share),
             ("sampling.hard_share", sampling.hard_share),
+            ("sampling.aligned_share", sampling.aligned_share),
+            (
+                "sampling.aligned_policy_share",
+                sampling.aligned_policy_share,
+            ),
             ("optimiser.average_decay", self.optimiser.average_decay),
         ] {
             demand(

@@ -33,6 +33,8 @@ struct Labelled {
     observations: Vec<Arc<Observation>>,
     /// The class of each head, step after step.
     classes: Vec<Vec<usize>>,
+    /// Steps of the markers, in order of time.
+    markers: Vec<usize>,
 }
 
 /// Indices of trajectories that are trained on, and of those that are held out.
@@ -138,6 +140,24 @@ impl Dataset {
         &self.trajectories[at.trajectory as usize].classes[at.step as usize]
     }
 
+    /// Which of the demonstration sets a trajectory is from.
+    ///
+    /// # Panics
+    /// If there is no such trajectory.
+    #[must_use]
+    pub fn set_of(&self, trajectory: u32) -> usize {
+        self.trajectories[trajectory as usize].set
+    }
+
+    /// The steps of a trajectory's markers, in order of time.
+    ///
+    /// # Panics
+    /// If there is no such trajectory.
+    #[must_use]
+    pub fn marker_steps(&self, trajectory: u32) -> &[usize] {
+        &self.trajectories[trajectory as usize].markers
+    }
+
     /// Every state of some trajectories, in order.
     pub fn states_of<'a>(&'a self, trajectories: &'a [u32]) -> impl Iterator<Item = StateRef> + 'a {
         trajectories.iter().flat_map(|trajectory| {
@@ -179,6 +199,31 @@ impl Dataset {
             training,
             validation,
         }
+    }
+
+    /// A fingerprint of all images and actions, to notice that a checkpoint belongs to others. Not
+    /// cryptographic, since it is computed over all pixels at every start.
+    #[must_use]
+    pub fn fingerprint(&self) -> String {
+        const PRIME: u64 = 0x0000_0100_0000_01b3;
+        let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
+        let mut add = |word: u64| hash = (hash ^ word).wrapping_mul(PRIME).rotate_left(23);
+        for trajectory in 0..self.trajectory_count() as u32 {
+            add(self.steps(trajectory) as u64);
+            for state in self.states_of(&[trajectory]) {
+                for (_, image) in self.observation(state).iter() {
+                    for bytes in image.rgb().chunks(8) {
+                        let mut word = [0; 8];
+                        word[..bytes.len()].copy_from_slice(bytes);
+                        add(u64::from_le_bytes(word));
+                    }
+                }
+                for class in self.classes(state) {
+                    add(*class as u64);
+                }
+            }
+        }
+        format!("{hash:016x}")
     }
 
     fn members(&self, set: usize) -> Vec<u32> {
@@ -249,10 +294,13 @@ fn labelled(
         );
         observations.push(Arc::clone(&step.observation));
     }
+    let mut markers: Vec<usize> = trajectory.markers.iter().map(|m| m.step).collect();
+    markers.sort_unstable();
     Ok(Labelled {
         set,
         observations,
         classes,
+        markers,
     })
 }
 

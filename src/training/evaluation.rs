@@ -5,6 +5,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
+use super::alignment::Alignment;
 use super::batch::Pictures;
 use super::look_alikes::LookAlikes;
 use super::loss::{indices, near_class, near_class_weights};
@@ -34,6 +35,8 @@ pub struct ValidationSet {
     policy: Vec<usize>,
     /// Pairs of one trajectory that look alike and are far apart in time.
     look_alikes: Vec<(u32, u32)>,
+    /// States with goal states of the same phase in other held-out trajectories.
+    across: Vec<(u32, u32)>,
 }
 
 /// What a validation found.
@@ -44,8 +47,8 @@ pub struct Validation {
     /// The temperature that calibrates the traversability on the held-out pairs.
     pub temperature: f32,
     /// Lower is better: the traversability loss once it is calibrated, plus the share of wrong
-    /// actions. The policy's own cross-entropy is left out, since it rises long before the actions get
-    /// worse.
+    /// actions, with goal states of other demonstrations where there are any. The policy's own
+    /// cross-entropy is left out, since it rises long before the actions get worse.
     pub score: f64,
 }
 
@@ -87,13 +90,14 @@ impl ValidationSet {
         classes.resize(near + far.len(), config.d_max - 1);
         pairs.extend(far);
         Ok(Self {
-            states,
             pairs,
             classes,
             weights,
             near,
             policy,
             look_alikes,
+            across: across(data, trajectories, &states, config.d_max),
+            states,
         })
     }
 
@@ -129,9 +133,19 @@ impl ValidationSet {
             .count();
         metrics.look_alike_wormhole_rate =
             taken_for_near as f64 / self.look_alikes.len().max(1) as f64;
-        self.policy(network, &latents, data, device, &mut metrics);
+        let pairs: Vec<_> = self.policy.iter().map(|p| self.pairs[*p]).collect();
+        let logits = score(&network.policy, &latents, &pairs, device);
+        (metrics.policy_loss, metrics.policy_accuracy) = self.policy(&logits, &pairs, data);
+        if !self.across.is_empty() {
+            let logits = score(&network.policy, &latents, &self.across, device);
+            let (_, accuracy) = self.policy(&logits, &self.across, data);
+            metrics.policy_accuracy_across = Some(accuracy);
+        }
+        let accuracy = metrics
+            .policy_accuracy_across
+            .unwrap_or(metrics.policy_accuracy);
         Validation {
-            score: calibrated + 1.0 - metrics.policy_accuracy,
+            score: calibrated + 1.0 - accuracy,
             metrics,
             temperature: temperature as f32,
         }
@@ -188,16 +202,8 @@ impl ValidationSet {
         }
     }
 
-    fn policy(
-        &self,
-        network: &LatentFlowNetwork,
-        latents: &Tensor<2>,
-        data: &Dataset,
-        device: &Device,
-        metrics: &mut ValidationMetrics,
-    ) {
-        let pairs: Vec<_> = self.policy.iter().map(|p| self.pairs[*p]).collect();
-        let logits = score(&network.policy, latents, &pairs, device);
+    /// Mean loss and share of right actions of pairs of states, by the policy's logits.
+    fn policy(&self, logits: &[f32], pairs: &[(u32, u32)], data: &Dataset) -> (f64, f64) {
         let heads = data.action_space().head_sizes();
         let width = heads.iter().sum();
         let (mut loss, mut right) = (0.0, 0_usize);
@@ -212,9 +218,42 @@ impl ValidationSet {
             }
         }
         let count = (pairs.len() * heads.len()) as f64;
-        metrics.policy_loss = loss / count;
-        metrics.policy_accuracy = right as f64 / count;
+        (loss / count, right as f64 / count)
     }
+}
+
+/// Row of a held-out state.
+fn row_of(states: &[StateRef], state: StateRef) -> u32 {
+    let row = states.binary_search(&state);
+    row.expect("trajectories are in rising order") as u32
+}
+
+/// Every state with the states that lie 1 to `d_max - 1` steps beyond its counterpart in each other
+/// trajectory.
+fn across(
+    data: &Dataset,
+    trajectories: &[u32],
+    states: &[StateRef],
+    d_max: usize,
+) -> Vec<(u32, u32)> {
+    let alignment = Alignment::find(data, trajectories);
+    let mut pairs = Vec::new();
+    for state in states {
+        for (partner, _) in alignment.partners(state.trajectory) {
+            let Some(step) = alignment.counterpart(*state, *partner) else {
+                continue;
+            };
+            let end = (step as usize + d_max).min(data.steps(*partner)) as u32;
+            pairs.extend((step + 1..end).map(|step| {
+                let goal = StateRef {
+                    trajectory: *partner,
+                    step,
+                };
+                (row_of(states, *state), row_of(states, goal))
+            }));
+        }
+    }
+    pairs
 }
 
 fn look_alikes(
@@ -224,13 +263,9 @@ fn look_alikes(
     d_max: usize,
 ) -> Vec<(u32, u32)> {
     let lengths: Vec<_> = trajectories.iter().map(|t| (*t, data.steps(*t))).collect();
-    let row = |state: StateRef| {
-        let row = states.binary_search(&state);
-        row.expect("trajectories are in rising order") as u32
-    };
     LookAlikes::find(data, &lengths, d_max)
         .pairs()
-        .map(|(state, twin)| (row(state), row(twin)))
+        .map(|(state, twin)| (row_of(states, state), row_of(states, twin)))
         .collect()
 }
 

@@ -7,10 +7,10 @@ use crate::model::ValidationMetrics;
 
 const HEADER: &str = "step,learning_rate,total,near,far,policy,validation_traversability_loss,\
 validation_traversability_accuracy,validation_wormhole_rate,validation_look_alike_wormhole_rate,validation_policy_loss,\
-validation_policy_accuracy\n";
+validation_policy_accuracy,validation_policy_accuracy_across\n";
 
 /// Commas in a whole row.
-const COMMAS: usize = 11;
+const COMMAS: usize = 12;
 
 /// The losses of a training as `losses.csv` in its run folder, a row a step.
 pub struct History {
@@ -62,16 +62,18 @@ impl History {
             policy,
         } = losses;
         let tail = validation.map_or_else(
-            || ",,,,,".to_owned(),
+            || ",,,,,,".to_owned(),
             |v| {
                 format!(
-                    "{:.5},{:.5},{:.5},{:.5},{:.5},{:.5}",
+                    "{:.5},{:.5},{:.5},{:.5},{:.5},{:.5},{}",
                     v.traversability_loss,
                     v.traversability_accuracy,
                     v.wormhole_rate,
                     v.look_alike_wormhole_rate,
                     v.policy_loss,
-                    v.policy_accuracy
+                    v.policy_accuracy,
+                    v.policy_accuracy_across
+                        .map_or_else(String::new, |a| format!("{a:.5}"))
                 )
             },
         );
@@ -126,6 +128,6 @@ mod tests {
         let text = fs::read_to_string(&path).unwrap();
         let steps: Vec<_> = text.lines().skip(1).map(|l| &l[..1]).collect();
         assert_eq!(steps, ["1", "2", "3", "4"]);
-        assert!(text.ends_with("0.00000\n"));
+        assert!(text.ends_with("0.00000,\n"));
     }
 }

@@ -62,15 +62,22 @@ impl Targets {
             config.d_max,
             draw.near.iter().map(|p| near_class(p.gap_steps)),
         );
+        let aligned_share = if draw.aligned.is_empty() {
+            0.0
+        } else {
+            config.sampling.aligned_policy_share as f32
+        };
         for pair in &draw.near {
             let class = near_class(pair.gap_steps);
             let rows = (pair.from, pair.to);
             targets.traversability.push(rows, &[class], weights[class]);
             if pair.gap_steps > 0 {
+                let weight = weights[class] * (1.0 - aligned_share);
                 let actions = data.classes(draw.states[pair.from]);
-                targets.policy.push(rows, actions, weights[class]);
+                targets.policy.push(rows, actions, weight);
             }
         }
+        targets.add_aligned(draw, data, config.d_max, aligned_share);
         let hard_share = match (draw.far.is_empty(), draw.hard.is_empty()) {
             (_, true) => 0.0,
             (true, false) => 1.0,
@@ -84,6 +91,17 @@ impl Targets {
             }
         }
         targets
+    }
+
+    /// Goal states of other demonstrations, with the action that the state's own demonstration took.
+    fn add_aligned(&mut self, draw: &Draw, data: &Dataset, d_max: usize, share: f32) {
+        let classes = draw.aligned.iter().map(|p| near_class(p.gap_steps));
+        let weights = near_class_weights(d_max, classes);
+        for pair in draw.aligned.iter().filter(|_| share > 0.0) {
+            let weight = weights[near_class(pair.gap_steps)] * share;
+            let actions = data.classes(draw.states[pair.from]);
+            self.policy.push((pair.from, pair.to), actions, weight);
+        }
     }
 }
 
@@ -171,6 +189,7 @@ mod tests {
             near: vec![near(0, 0), near(0, 1), near(1, 2), near(0, 2)],
             far: vec![(0, 3), (3, 1)],
             hard: vec![(2, 0)],
+            aligned: Vec::new(),
         }
     }
 
@@ -191,6 +210,23 @@ mod tests {
         assert_eq!(targets.policy.to, [1, 2, 2]);
         let action = data.classes(at(0, 3))[0] as i32;
         assert_eq!(targets.policy.classes[0][0], action);
+    }
+
+    #[test]
+    fn goal_states_of_other_demonstrations_take_their_share_of_the_policy() {
+        let data = Dataset::new(&[synthetic::demonstrations("a", 2, 9, 1)]).unwrap();
+        let mut config = TrainingConfig::default();
+        config.sampling.aligned_policy_share = 0.25;
+        let mut draw = draw();
+        draw.aligned = vec![near(1, 3)];
+        let policy = Targets::of(&draw, &data, &config).policy;
+        assert_eq!((policy.from[3], policy.to[3]), (1, 3));
+        assert_eq!(policy.classes[0][3], data.classes(at(0, 4))[0] as i32);
+        // One pair of class 1 has the whole half of its kind; own pairs: 1/12, 1/12 and 0.25 as above.
+        let expected = [0.75 / 12.0, 0.75 / 12.0, 0.75 * 0.25, 0.25 * 0.5];
+        for (weight, expected) in policy.weights.iter().zip(expected) {
+            assert!((weight - expected).abs() < 1e-6, "{weight} {expected}");
+        }
     }
 
     #[test]

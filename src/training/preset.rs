@@ -50,8 +50,11 @@ impl Preset {
 
 fn bedroom() -> TrainingConfig {
     let mut config = TrainingConfig::default();
+    config.network.encoder.keypoints = 32;
     config.sampling.look_alike_share = 0.15;
     config.sampling.hard_share = 0.25;
+    config.sampling.aligned_share = 0.5;
+    config.sampling.aligned_policy_share = 0.85;
     config
 }
 
@@ -79,6 +82,7 @@ fn tiny() -> TrainingConfig {
         stem_stride: 4,
         stem_channels: 8,
         stage_channels: vec![8],
+        keypoints: 4,
         latent_dim: 8,
         stochastic_depth: 0.3,
     };

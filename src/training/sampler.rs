@@ -21,6 +21,7 @@
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
+use super::alignment::Alignment;
 use super::look_alikes::LookAlikes;
 use super::{Dataset, SamplingConfig, StateRef, TrainingError};
 
@@ -48,6 +49,18 @@ pub struct Draw {
     pub far: Vec<(usize, usize)>,
     /// Ordered far pairs that are hard to tell from near ones.
     pub hard: Vec<(usize, usize)>,
+    /// A state, and one of another demonstration whose counterpart lies so many steps ahead: 1 or more.
+    pub aligned: Vec<NearPair>,
+}
+
+impl Draw {
+    fn add_window(&mut self, trajectory: u32, steps: std::ops::Range<u32>, windows: &mut usize) {
+        for step in steps {
+            self.states.push(StateRef { trajectory, step });
+            self.window_of.push(*windows);
+        }
+        *windows += 1;
+    }
 }
 
 /// Draws batches from some trajectories of a dataset.
@@ -57,6 +70,7 @@ pub struct Sampler {
     config: SamplingConfig,
     d_max: usize,
     look_alikes: LookAlikes,
+    alignment: Alignment,
 }
 
 impl Sampler {
@@ -70,6 +84,11 @@ impl Sampler {
         config: &SamplingConfig,
         d_max: usize,
     ) -> Result<Self, TrainingError> {
+        let alignment = if config.aligned_share > 0.0 {
+            Alignment::find(data, trajectories)
+        } else {
+            Alignment::default()
+        };
         let trajectories: Vec<_> = trajectories.iter().map(|t| (*t, data.steps(*t))).collect();
         if trajectories.iter().all(|(_, steps)| *steps < 2) {
             return Err(TrainingError::NoPairs { part: "training" });
@@ -84,6 +103,7 @@ impl Sampler {
             config: config.clone(),
             d_max,
             look_alikes,
+            alignment,
         })
     }
 
@@ -91,17 +111,18 @@ impl Sampler {
     pub fn draw(&self, rng: &mut ChaCha8Rng) -> Draw {
         let partners = (self.config.states as f64 * self.config.look_alike_share) as usize;
         let plain = (self.config.states - partners).max(2 * self.config.window);
+        let aligned = (self.config.states as f64 * self.config.aligned_share) as usize;
+        let anchors = plain
+            .saturating_sub(aligned)
+            .max(self.config.window.min(plain));
         let mut draw = Draw::default();
         let mut windows = 0;
-        while draw.states.len() < plain {
-            let length = self.config.window.min(plain - draw.states.len());
+        while draw.states.len() < anchors {
+            let length = self.config.window.min(anchors - draw.states.len());
             let (trajectory, steps) = self.window(length, rng);
-            for step in steps {
-                draw.states.push(StateRef { trajectory, step });
-                draw.window_of.push(windows);
-            }
-            windows += 1;
+            draw.add_window(trajectory, steps, &mut windows);
         }
+        self.add_aligned(&mut draw, plain, &mut windows, rng);
         self.pair_within_windows(&mut draw);
         self.pair_across_windows(&mut draw, rng);
         self.add_look_alikes(&mut draw, &mut windows, rng);
@@ -122,6 +143,65 @@ impl Sampler {
             place -= places(*steps);
         }
         unreachable!("the place is below the total")
+    }
+
+    /// Fills the plain part of a batch up with windows of other demonstrations that show the phase of a
+    /// window drawn before, and with others where there is none.
+    fn add_aligned(
+        &self,
+        draw: &mut Draw,
+        plain: usize,
+        windows: &mut usize,
+        rng: &mut ChaCha8Rng,
+    ) {
+        let anchors = draw.states.len();
+        while draw.states.len() < plain {
+            let length = self.config.window.min(plain - draw.states.len());
+            let anchor = rng.random_range(0..anchors);
+            let Some((partner, steps)) = self.counterpart_window(draw.states[anchor], length, rng)
+            else {
+                let (trajectory, steps) = self.window(length, rng);
+                draw.add_window(trajectory, steps, windows);
+                continue;
+            };
+            let rows = draw.states.len()..draw.states.len() + steps.len();
+            draw.add_window(partner, steps, windows);
+            for row in (0..anchors).filter(|r| draw.window_of[*r] == draw.window_of[anchor]) {
+                for other in rows.clone() {
+                    for (from, to) in [(row, other), (other, row)] {
+                        draw.aligned.extend(self.aligned_pair(draw, from, to));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Steps of a partner around the counterpart of a state.
+    fn counterpart_window(
+        &self,
+        state: StateRef,
+        length: usize,
+        rng: &mut ChaCha8Rng,
+    ) -> Option<(u32, std::ops::Range<u32>)> {
+        let partners = self.alignment.partners(state.trajectory);
+        let choice = rng.random_range(0..partners.len().max(1));
+        let offset = rng.random_range(0..length) as u32;
+        let (partner, counterparts) = partners.get(choice)?;
+        let step = counterparts[state.step as usize]?;
+        let first = step.saturating_sub(offset);
+        let end = (step + length as u32 - offset).min(self.steps_of(*partner) as u32);
+        Some((*partner, first..end))
+    }
+
+    fn aligned_pair(&self, draw: &Draw, from: usize, to: usize) -> Option<NearPair> {
+        let (state, goal) = (draw.states[from], draw.states[to]);
+        let step = self.alignment.counterpart(state, goal.trajectory)?;
+        let gap_steps = goal.step.checked_sub(step)? as usize;
+        (1..self.d_max).contains(&gap_steps).then_some(NearPair {
+            from,
+            to,
+            gap_steps,
+        })
     }
 
     fn pair_within_windows(&self, draw: &mut Draw) {
@@ -155,6 +235,9 @@ impl Sampler {
             let pair = (rng.random_range(0..states), rng.random_range(0..states));
             if draw.window_of[pair.0] != draw.window_of[pair.1]
                 && is_far(draw.states[pair.0], draw.states[pair.1], self.d_max)
+                && !self
+                    .alignment
+                    .are_alike(draw.states[pair.0], draw.states[pair.1], self.d_max)
             {
                 draw.far.push(pair);
             }
@@ -177,14 +260,7 @@ impl Sampler {
             let first = (twin.step as usize).saturating_sub(length / 2);
             let end = (first + length.min(left)).min(steps);
             let rows = draw.states.len()..draw.states.len() + (end - first);
-            for step in first..end {
-                draw.states.push(StateRef {
-                    trajectory: twin.trajectory,
-                    step: step as u32,
-                });
-                draw.window_of.push(*windows);
-            }
-            *windows += 1;
+            draw.add_window(twin.trajectory, first as u32..end as u32, windows);
             for row in (0..plain).filter(|r| draw.window_of[*r] == draw.window_of[anchor]) {
                 for other in rows.clone() {
                     for pair in [(row, other), (other, row)] {
@@ -313,6 +389,47 @@ mod tests {
             between.contains_key(&(0, 0)),
             "far apart in time counts too"
         );
+    }
+
+    #[test]
+    fn aligned_pairs_lead_ahead_in_another_demonstration_and_are_not_called_far() {
+        let mut alike = synthetic::demonstrations("a", 1, 20, 1)
+            .trajectories()
+            .to_vec();
+        for copy in 1..4 {
+            let mut twin = alike[0].clone();
+            twin.id = format!("copy {copy}");
+            alike.push(twin);
+        }
+        let set = crate::trajectory::DemonstrationSet::new("a", alike).unwrap();
+        let data = Dataset::new(&[set]).unwrap();
+        let config = SamplingConfig {
+            aligned_share: 0.5,
+            aligned_policy_share: 0.5,
+            ..SamplingConfig::default()
+        };
+        let sampler = Sampler::new(&data, &[0, 1, 2, 3], &config, 5).unwrap();
+        for stream in 0..20 {
+            let mut rng = ChaCha8Rng::seed_from_u64(9);
+            rng.set_stream(stream);
+            let draw = sampler.draw(&mut rng);
+            assert_eq!(draw.states.len(), config.states);
+            assert!(!draw.aligned.is_empty());
+            for pair in &draw.aligned {
+                let (from, to) = (draw.states[pair.from], draw.states[pair.to]);
+                assert_ne!(from.trajectory, to.trajectory);
+                assert_eq!((to.step - from.step) as usize, pair.gap_steps);
+                assert!((1..5).contains(&pair.gap_steps));
+            }
+            for (from, to) in &draw.far {
+                let (from, to) = (draw.states[*from], draw.states[*to]);
+                let is_alike = from.step.abs_diff(to.step) < 5;
+                assert!(
+                    from.trajectory == to.trajectory || !is_alike,
+                    "copies show the same"
+                );
+            }
+        }
     }
 
     #[test]

@@ -119,7 +119,7 @@ impl<'a> Run<'a> {
             config: config.clone(),
             spec,
             normalisation,
-            demonstrations: fingerprint(data),
+            demonstrations: data.fingerprint(),
         };
         let average = Average::new(config.optimiser.average_decay, collect(&network));
         let checkpoint = Checkpoint::load(run_folder)?;
@@ -380,30 +380,6 @@ fn optimiser(config: &TrainingConfig) -> ModuleOptimizer {
             config.optimiser.clip_norm,
         )))
         .init()
-}
-
-/// A fingerprint of all images and actions, to notice that a checkpoint belongs to others. Not
-/// cryptographic, since it is computed over all pixels at every start.
-fn fingerprint(data: &Dataset) -> String {
-    const PRIME: u64 = 0x0000_0100_0000_01b3;
-    let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
-    let mut add = |word: u64| hash = (hash ^ word).wrapping_mul(PRIME).rotate_left(23);
-    for trajectory in 0..data.trajectory_count() as u32 {
-        add(data.steps(trajectory) as u64);
-        for state in data.states_of(&[trajectory]) {
-            for (_, image) in data.observation(state).iter() {
-                for bytes in image.rgb().chunks(8) {
-                    let mut word = [0; 8];
-                    word[..bytes.len()].copy_from_slice(bytes);
-                    add(u64::from_le_bytes(word));
-                }
-            }
-            for class in data.classes(state) {
-                add(*class as u64);
-            }
-        }
-    }
-    format!("{hash:016x}")
 }
 
 #[cfg(test)]
