@@ -24,13 +24,11 @@ pub struct Habits {
     pub overshoot: f64,
     /// Chance that a turn is preceded by one to the wrong side.
     pub hesitation: f64,
-    /// Chance that a grasp is tried one or two primitives too early.
+    /// Chance that a grasp is tried one primitive too early.
     pub early_grasp: f64,
     /// Chance that the wrong key of the same part of the robot is pressed. Whatever comes of it is put
     /// right, which shows how to come back from a little off the way.
     pub slip: f64,
-    /// The same while the hand is brought to a thing or over a place, where a person fumbles most.
-    pub fumble: f64,
     /// Chance that a slip is pressed once more before it is noticed.
     pub slip_again: f64,
 }
@@ -41,9 +39,8 @@ impl Default for Habits {
         Self {
             overshoot: 0.08,
             hesitation: 0.015,
-            early_grasp: 0.25,
-            slip: 0.04,
-            fumble: 0.16,
+            early_grasp: 0.12,
+            slip: 0.06,
             slip_again: 0.35,
         }
     }
@@ -57,10 +54,7 @@ pub struct Operator {
     rng: ChaCha8Rng,
     overshoot_due: bool,
     turned: Option<Primitive>,
-    /// How many primitives too early the next grasp is tried.
-    early_grasp_steps: u8,
-    /// How far the empty hand is still lifted before a failed grasp is noticed.
-    late_notice_steps: u8,
+    early_grasp_due: bool,
     retreats_due: u32,
     last: Option<(Primitive, Insight)>,
     blocked_steps: u32,
@@ -69,21 +63,12 @@ pub struct Operator {
     slip_due: Option<Primitive>,
 }
 
-/// Keys that lie side by side: the base's, the arm's, and those in use while something is grasped.
+/// Keys that lie side by side: the base's, and the arm's.
 const BASE_KEYS: [Primitive; 4] = [
     Primitive::BaseForward,
     Primitive::BaseBackward,
     Primitive::BaseTurnLeft,
     Primitive::BaseTurnRight,
-];
-const GRASP_KEYS: [Primitive; 7] = [
-    Primitive::EndEffectorLeft,
-    Primitive::EndEffectorRight,
-    Primitive::EndEffectorForward,
-    Primitive::EndEffectorBackward,
-    Primitive::EndEffectorUp,
-    Primitive::EndEffectorDown,
-    Primitive::GripperClose,
 ];
 const ARM_KEYS: [Primitive; 6] = [
     Primitive::EndEffectorLeft,
@@ -107,8 +92,7 @@ impl Operator {
             rng,
             overshoot_due: false,
             turned: None,
-            early_grasp_steps: 0,
-            late_notice_steps: 0,
+            early_grasp_due: false,
             retreats_due: 0,
             last: None,
             blocked_steps: 0,
@@ -146,19 +130,12 @@ impl Operator {
         if let Some(again) = self.slip_due.take() {
             return again;
         }
-        let stage = self.stages.get(self.current);
-        let is_grasping = matches!(stage, Some(Stage::Grasp(_))) && ARM_KEYS.contains(&wanted);
         let keys: &[Primitive] = match wanted {
-            _ if is_grasping => &GRASP_KEYS,
             _ if BASE_KEYS.contains(&wanted) => &BASE_KEYS,
             _ if ARM_KEYS.contains(&wanted) => &ARM_KEYS,
             _ => return wanted,
         };
-        let chance = match stage {
-            Some(Stage::Grasp(_) | Stage::Over(..)) => self.habits.fumble,
-            _ => self.habits.slip,
-        };
-        if !self.rng.random_bool(chance) {
+        if !self.rng.random_bool(self.habits.slip) {
             return wanted;
         }
         let pressed = keys[self.rng.random_range(0..keys.len())];
@@ -200,9 +177,7 @@ impl Operator {
 
     fn enter_stage(&mut self) {
         self.overshoot_due = self.rng.random_bool(self.habits.overshoot);
-        let is_early = self.rng.random_bool(self.habits.early_grasp);
-        self.early_grasp_steps = u8::from(is_early) * self.rng.random_range(1..=2);
-        self.late_notice_steps = self.rng.random_range(0..=2);
+        self.early_grasp_due = self.rng.random_bool(self.habits.early_grasp);
         self.turned = None;
         self.retreats_due = 0;
         if let Some(Stage::BackOff(steps)) = self.stages.get(self.current) {
@@ -245,12 +220,7 @@ impl Operator {
             return None;
         }
         if insight.gripper_shut {
-            if let Some(left) = self.late_notice_steps.checked_sub(1) {
-                self.late_notice_steps = left;
-                return Some(Primitive::EndEffectorUp);
-            }
-            self.early_grasp_steps = 0;
-            self.late_notice_steps = self.rng.random_range(0..=2);
+            self.early_grasp_due = false;
             self.retreats_due = 2;
             return Some(Primitive::GripperOpen);
         }
@@ -258,9 +228,10 @@ impl Operator {
             self.retreats_due -= 1;
             return Some(grasp.retreat());
         }
+        let slack_steps = 2 * u8::from(self.early_grasp_due);
         Some(
             grasp
-                .next(insight, self.early_grasp_steps)
+                .next(insight, slack_steps)
                 .unwrap_or(Primitive::GripperClose),
         )
     }

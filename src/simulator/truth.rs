@@ -93,12 +93,12 @@ fn covers_spill(world: &World) -> bool {
     let tissue = world.world_from(Graspable::Tissue);
     let up = tissue.rotation * nalgebra::Vector3::z();
     let above = tissue.translation.z - world.layout().chest.top_m;
-    above.abs() < 0.02 && up.z > 0.9 && covered_share(world, &tissue) >= COVERED_SHARE
+    let share = covered_share(world.spill_m(), world.layout().spill_radius_m, &tissue);
+    above.abs() < 0.02 && up.z > 0.9 && share >= COVERED_SHARE
 }
 
-/// Share of the puddle's points that lie under the tissue.
-fn covered_share(world: &World, tissue: &Isometry3<f32>) -> f32 {
-    let ([x, y], radius) = (world.spill_m(), world.layout().spill_radius_m);
+/// Share of the points of a puddle that lie under the tissue.
+fn covered_share([x, y]: [f32; 2], radius: f32, tissue: &Isometry3<f32>) -> f32 {
     let half = PUDDLE_POINTS / 2;
     let (mut points, mut covered) = (0_u32, 0_u32);
     for (i, j) in (-half..=half).flat_map(|i| (-half..=half).map(move |j| (i, j))) {
@@ -203,6 +203,25 @@ impl Insight {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn share_of_a_puddle_under_the_tissue_by_hand() {
+        let share = |aside: f32| {
+            let tissue = Isometry3::translation(1.0 + aside, 2.0, 0.5);
+            covered_share([1.0, 2.0], 0.05, &tissue)
+        };
+        assert_eq!(share(0.0), 1.0);
+        assert!(
+            (share(TISSUE_HALF_M) - 0.5).abs() < 0.05,
+            "its edge halves it"
+        );
+        assert_eq!(share(0.2), 0.0);
+        let turned = Isometry3::rotation(nalgebra::Vector3::z() * std::f32::consts::FRAC_PI_4);
+        // Turned by 45 degrees the corner reaches 12 cm, the edges run through the puddle.
+        let corner = Isometry3::translation(1.1, 2.0, 0.5) * turned;
+        let aside = covered_share([1.0, 2.0], 0.05, &corner);
+        assert!((0.2..0.8).contains(&aside), "{aside}");
+    }
 
     #[test]
     fn every_subgoal_of_every_task_is_known_by_name() {

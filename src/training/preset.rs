@@ -50,6 +50,7 @@ impl Preset {
 
 fn bedroom() -> TrainingConfig {
     let mut config = TrainingConfig::default();
+    config.validation_share = 0.067;
     config.network.encoder.keypoints = 32;
     config.sampling.look_alike_share = 0.15;
     config.sampling.hard_share = 0.25;

@@ -113,7 +113,6 @@ mod tests {
             // Slips make a demonstration longer; `catena record` leaves out those that get too long.
             let practised = Habits {
                 slip: 0.0,
-                fumble: 0.0,
                 ..Habits::default()
             };
             let shown =

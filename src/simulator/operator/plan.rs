@@ -87,7 +87,7 @@ fn fetch_sock(insight: &Insight, rng: &mut ChaCha8Rng) -> Vec<Stage> {
         Stage::Grasp(Grasp {
             thing: Graspable::Sock,
             target: Target::Sock,
-            above_m: 0.014,
+            above_m: 0.008,
             short_m: 0.007,
             from_above: true,
         }),

@@ -15,6 +15,10 @@ use crate::simulator::world::Graspable;
 const TURN_TOLERANCE_RAD: f32 = 0.55 * TURN_STEP_RAD;
 const TOOL_TOLERANCE_M: f32 = 0.53 * TOOL_STEP_M;
 
+/// How far above a thing the hand is brought over it: near enough to see well what is between the
+/// fingers, high enough to pass over it.
+const CLOSE_ABOVE_M: f32 = 0.05;
+
 /// A place that a stage is about.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Target {
@@ -36,7 +40,7 @@ pub(super) struct Grasp {
     pub target: Target,
     /// Where to take it, above the target's middle.
     pub above_m: f32,
-    /// How far before the middle the hand is to be, so that errors to either side are forgiven alike.
+    /// How far before the middle the hand is to be: what is a little ahead is seen better.
     pub short_m: f32,
     /// Come down on it; otherwise come from ahead.
     pub from_above: bool,
@@ -173,11 +177,13 @@ impl Grasp {
         let dz = self.target.place(insight)[2] + self.above_m - tool.z_m;
         let slack_m = f32::from(slack_steps) * TOOL_STEP_M;
         if self.from_above {
-            return sideways(dy)
+            let down = |above_m: f32| {
+                (-dz > TOOL_TOLERANCE_M + above_m).then_some(Primitive::EndEffectorDown)
+            };
+            return down(CLOSE_ABOVE_M)
+                .or_else(|| sideways(dy))
                 .or_else(|| lengthways(dx, insight))
-                .or_else(|| {
-                    (-dz > TOOL_TOLERANCE_M + slack_m).then_some(Primitive::EndEffectorDown)
-                });
+                .or_else(|| down(slack_m));
         }
         sideways(dy).or_else(|| climb(dz)).or_else(|| {
             if dx > TOOL_TOLERANCE_M + slack_m {

@@ -15,7 +15,7 @@ use crate::simulator::render::Shape;
 use crate::simulator::variation::{Arrangement, SockPlace};
 
 const SOCK_RADIUS_M: f32 = 0.016;
-const SOCK_HALF_M: f32 = 0.028;
+const SOCK_HALF_M: f32 = 0.036;
 const CAN_RADIUS_M: f32 = 0.020;
 const CAN_HALF_M: f32 = 0.06;
 /// Half of the side of the tissue, a square.
