@@ -49,8 +49,10 @@ impl Preset {
 }
 
 fn bedroom() -> TrainingConfig {
-    let mut config = TrainingConfig::default();
-    config.validation_share = 0.067;
+    let mut config = TrainingConfig {
+        validation_share: 0.067,
+        ..TrainingConfig::default()
+    };
     config.network.encoder.keypoints = 32;
     config.sampling.look_alike_share = 0.15;
     config.sampling.hard_share = 0.25;
