@@ -6,9 +6,10 @@ use super::{Dataset, StateRef};
 
 /// Other demonstrations that each one is compared with, at most: bounds the work for large sets.
 const PARTNERS: usize = 32;
-/// What a pair of equal actions is worth in a correspondence, and what a step without a counterpart costs.
-const MATCH: f32 = 1.0;
+/// What a step without a counterpart costs in a correspondence, where a pair of equal actions is worth 1.
 const GAP: f32 = -0.25;
+/// Worse than leaving both actions without a counterpart, so never chosen.
+const UNLIKE: f32 = 2.0 * GAP - 1.0;
 /// Steps to either side that are looked at to judge a correspondence.
 const REACH: usize = 6;
 /// Least share of actions with a counterpart within that reach: below it the two went different ways.
@@ -163,16 +164,12 @@ fn correspondence(one: &[&[usize]], other: &[&[usize]]) -> Vec<(usize, bool)> {
     steps
 }
 
-/// What it is worth that two actions correspond: [`MATCH`] if they are the same, nothing that would be
-/// chosen if less than half of their dimensions agree.
+/// What it is worth that two actions correspond: the share of their dimensions that agree, [`UNLIKE`] if
+/// that is less than half.
 fn agreement(one: &[usize], other: &[usize]) -> f32 {
     let same = one.iter().zip(other).filter(|(a, b)| a == b).count();
     let share = same as f32 / one.len().max(1) as f32;
-    if share < 0.5 {
-        2.0 * GAP - 1.0
-    } else {
-        MATCH * share
-    }
+    if share < 0.5 { UNLIKE } else { share }
 }
 
 /// Keeps the counterparts around which most actions of both demonstrations have one.

@@ -238,7 +238,7 @@ fn across(
 ) -> Vec<(u32, u32)> {
     let alignment = Alignment::find(data, trajectories);
     let mut pairs = Vec::new();
-    for state in states {
+    for (row, state) in states.iter().enumerate() {
         for (partner, _) in alignment.partners(state.trajectory) {
             let Some(step) = alignment.counterpart(*state, *partner) else {
                 continue;
@@ -249,7 +249,7 @@ fn across(
                     trajectory: *partner,
                     step,
                 };
-                (row_of(states, *state), row_of(states, goal))
+                (row as u32, row_of(states, goal))
             }));
         }
     }
