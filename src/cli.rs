@@ -6,6 +6,7 @@ mod compose;
 mod demos;
 mod error;
 mod evaluate;
+mod gaps;
 mod graph;
 mod loaded;
 mod progress;

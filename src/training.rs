@@ -22,6 +22,7 @@ mod history;
 mod look_alikes;
 mod loss;
 mod masks;
+mod missed_grasps;
 mod network;
 mod normalisation;
 mod objective;
@@ -38,8 +39,8 @@ mod trainer;
 mod weights;
 
 pub use config::{
-    AugmentationConfig, EncoderConfig, NetworkConfig, OptimiserConfig, SamplingConfig,
-    TrainingConfig,
+    AugmentationConfig, EncoderConfig, ImitationConfig, NetworkConfig, OptimiserConfig,
+    SamplingConfig, TrainingConfig,
 };
 pub use dataset::{Dataset, StateRef};
 pub use device::training_device;

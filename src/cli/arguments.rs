@@ -111,6 +111,8 @@ pub enum GraphCommand {
     Merge(GraphMergeArguments),
     /// Say what is in a graph: nodes, edges by kind, components, end states.
     Show(GraphShowArguments),
+    /// Say where the tasks of a composition do not connect, and what to demonstrate.
+    Gaps(GraphGapsArguments),
 }
 
 /// `catena graph build`
@@ -151,6 +153,16 @@ pub struct GraphMergeArguments {
 pub struct GraphShowArguments {
     /// A graph folder.
     pub graph: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `catena graph gaps`
+#[derive(Debug, Args)]
+pub struct GraphGapsArguments {
+    /// The composition's YAML file.
+    pub file: PathBuf,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,

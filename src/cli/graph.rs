@@ -4,6 +4,7 @@ use super::arguments::{
     Arguments, GraphBuildArguments, GraphCommand, GraphMergeArguments, GraphShowArguments,
 };
 use super::error::CliError;
+use super::gaps::gaps;
 use super::loaded::{GraphFolders, merge_options, show as show_progress};
 use super::progress;
 use crate::composer::load_task;
@@ -29,6 +30,7 @@ pub(super) fn graph(command: &GraphCommand, arguments: &Arguments) -> Result<(),
         GraphCommand::Build(a) => build_graph(a, arguments),
         GraphCommand::Merge(a) => merge_graphs(a, arguments),
         GraphCommand::Show(a) => show(a),
+        GraphCommand::Gaps(a) => gaps(a, arguments),
     }
 }
 

@@ -1,7 +1,7 @@
 //! A person at a keyboard who knows where everything is, and demonstrates the tasks.
 //!
 //! Watches the truth before every key press, so what goes wrong is put right; takes one of several
-//! routes, overshoots, hesitates and closes the gripper too early now and then.
+//! routes, overshoots, hesitates, presses the wrong key and misses a grasp now and then.
 
 mod demonstration;
 mod plan;
@@ -13,7 +13,8 @@ use rand_chacha::ChaCha8Rng;
 use super::primitive::Primitive;
 use super::truth::Insight;
 use super::variation::BedroomTask;
-use stage::Stage;
+use super::world::Graspable;
+use stage::{Misjudgement, Stage};
 
 pub use demonstration::{Demonstration, LONGEST_STEPS, demonstrate, demonstrate_on};
 
@@ -24,8 +25,10 @@ pub struct Habits {
     pub overshoot: f64,
     /// Chance that a turn is preceded by one to the wrong side.
     pub hesitation: f64,
-    /// Chance that a grasp is tried one primitive too early.
-    pub early_grasp: f64,
+    /// Chance that a loose thing is first grasped in the wrong place, too early or beside it.
+    pub missed_grasp: f64,
+    /// Chance of each retreat with the empty gripper before the miss is noticed.
+    pub late_notice: f64,
     /// Chance that the wrong key of the same part of the robot is pressed. Whatever comes of it is put
     /// right, which shows how to come back from a little off the way.
     pub slip: f64,
@@ -39,7 +42,8 @@ impl Default for Habits {
         Self {
             overshoot: 0.08,
             hesitation: 0.015,
-            early_grasp: 0.12,
+            missed_grasp: 0.6,
+            late_notice: 0.3,
             slip: 0.06,
             slip_again: 0.35,
         }
@@ -54,7 +58,8 @@ pub struct Operator {
     rng: ChaCha8Rng,
     overshoot_due: bool,
     turned: Option<Primitive>,
-    early_grasp_due: bool,
+    misjudged: Option<Misjudgement>,
+    late_retreats: u32,
     retreats_due: u32,
     last: Option<(Primitive, Insight)>,
     blocked_steps: u32,
@@ -92,7 +97,8 @@ impl Operator {
             rng,
             overshoot_due: false,
             turned: None,
-            early_grasp_due: false,
+            misjudged: None,
+            late_retreats: 0,
             retreats_due: 0,
             last: None,
             blocked_steps: 0,
@@ -160,7 +166,10 @@ impl Operator {
         }
         self.blocked_steps = 0;
         match self.stages.get(self.current) {
-            Some(Stage::Grasp(_)) => self.retreats_due = 2,
+            Some(Stage::Grasp(_)) => {
+                self.misjudged = None;
+                self.retreats_due = 2;
+            }
             Some(Stage::Drive(..) | Stage::CloseIn(..)) | None => self.finish_stage(),
             Some(_) if self.escapes_left > 0 => {
                 self.escapes_left -= 1;
@@ -177,7 +186,15 @@ impl Operator {
 
     fn enter_stage(&mut self) {
         self.overshoot_due = self.rng.random_bool(self.habits.overshoot);
-        self.early_grasp_due = self.rng.random_bool(self.habits.early_grasp);
+        self.late_retreats = 0;
+        self.misjudged = match self.stages.get(self.current) {
+            // A handle is hard to miss.
+            Some(Stage::Grasp(grasp)) if grasp.thing != Graspable::Drawer => {
+                let misses = self.rng.random_bool(self.habits.missed_grasp);
+                misses.then(|| grasp.misjudged(&mut self.rng))
+            }
+            _ => None,
+        };
         self.turned = None;
         self.retreats_due = 0;
         if let Some(Stage::BackOff(steps)) = self.stages.get(self.current) {
@@ -220,19 +237,21 @@ impl Operator {
             return None;
         }
         if insight.gripper_shut {
-            self.early_grasp_due = false;
-            self.retreats_due = 2;
+            if self.misjudged.is_some() && self.rng.random_bool(self.habits.late_notice) {
+                self.late_retreats += 1;
+                return Some(grasp.retreat());
+            }
+            let wanted = self.misjudged.take().map_or(2, |m| m.retreats(&grasp));
+            self.retreats_due = wanted.saturating_sub(self.late_retreats);
+            self.late_retreats = 0;
             return Some(Primitive::GripperOpen);
         }
         if self.retreats_due > 0 {
             self.retreats_due -= 1;
             return Some(grasp.retreat());
         }
-        let slack_steps = 2 * u8::from(self.early_grasp_due);
-        Some(
-            grasp
-                .next(insight, slack_steps)
-                .unwrap_or(Primitive::GripperClose),
-        )
+        let misjudged = self.misjudged.unwrap_or_default();
+        let approach = grasp.next(insight, &misjudged);
+        Some(approach.unwrap_or(Primitive::GripperClose))
     }
 }

@@ -79,6 +79,16 @@ impl GraphImages {
         self.jpegs.is_empty()
     }
 
+    /// The steps of a demonstration with pictures, in order; once for each camera.
+    pub fn steps_of(&self, trajectory: &str) -> impl Iterator<Item = u32> {
+        let first = (trajectory.to_owned(), 0, String::new());
+        self.jpegs
+            .range(first..)
+            .map(|((of, step, _), _)| (of, *step))
+            .take_while(move |(of, _)| *of == trajectory)
+            .map(|(_, step)| step)
+    }
+
     /// What a camera showed at a step of a demonstration; `None` where no picture was saved.
     ///
     /// # Errors

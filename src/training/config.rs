@@ -33,6 +33,8 @@ pub struct TrainingConfig {
     pub network: NetworkConfig,
     /// How states and pairs are drawn.
     pub sampling: SamplingConfig,
+    /// Which actions the local policy learns.
+    pub imitation: ImitationConfig,
     /// How images are varied.
     pub augmentation: AugmentationConfig,
     /// How weights are changed.
@@ -97,6 +99,20 @@ pub struct SamplingConfig {
     pub aligned_policy_share: f64,
 }
 
+/// Which actions of a demonstration are not to be imitated.
+///
+/// A person misses a grasp now and then, sees it, opens the gripper and tries again. How they came back is
+/// worth learning, how they missed is not. Missed grasps are found from the actions: a closing that is
+/// taken back within a few steps, before any subgoal was reached. The states stay in every other loss.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ImitationConfig {
+    /// Most steps from a closing to the opening that takes it back; 0 imitates everything.
+    pub missed_grasp_steps: usize,
+    /// Steps before such a closing that are not imitated either.
+    pub lead_steps: usize,
+}
+
 /// How images are varied while training; the same for all frames of a window.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -143,6 +159,7 @@ impl Default for TrainingConfig {
             max_minutes: None,
             network: NetworkConfig::default(),
             sampling: SamplingConfig::default(),
+            imitation: ImitationConfig::default(),
             augmentation: AugmentationConfig::default(),
             optimiser: OptimiserConfig::default(),
         }

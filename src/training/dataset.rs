@@ -4,7 +4,9 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use super::TrainingError;
+use super::missed_grasps::missed_grasps;
+use super::{ImitationConfig, TrainingError};
+use crate::task::{GripperEvent, GripperSignal};
 use crate::trajectory::{
     ActionSpace, CameraSpec, DemonstrationSet, Observation, State, Trajectory,
 };
@@ -35,6 +37,8 @@ struct Labelled {
     classes: Vec<Vec<usize>>,
     /// Steps of the markers, in order of time.
     markers: Vec<usize>,
+    /// When the gripper was told to close or open; empty where the action space has no such primitives.
+    gripper: Vec<(usize, GripperEvent)>,
 }
 
 /// Indices of trajectories that are trained on, and of those that are held out.
@@ -156,6 +160,17 @@ impl Dataset {
     #[must_use]
     pub fn marker_steps(&self, trajectory: u32) -> &[usize] {
         &self.trajectories[trajectory as usize].markers
+    }
+
+    /// Whether the action at a step is one to imitate: not part of a missed grasp.
+    ///
+    /// # Panics
+    /// If there is no such trajectory.
+    #[must_use]
+    pub fn is_imitated(&self, at: StateRef, config: &ImitationConfig) -> bool {
+        let trajectory = &self.trajectories[at.trajectory as usize];
+        !missed_grasps(&trajectory.gripper, &trajectory.markers, config)
+            .any(|steps| steps.contains(&(at.step as usize)))
     }
 
     /// Every state of some trajectories, in order.
@@ -296,11 +311,14 @@ fn labelled(
     }
     let mut markers: Vec<usize> = trajectory.markers.iter().map(|m| m.step).collect();
     markers.sort_unstable();
+    let actions = trajectory.steps.iter().map(|s| &s.action);
+    let gripper = GripperSignal::default().events(&trajectory.action_space, actions);
     Ok(Labelled {
         set,
         observations,
         classes,
         markers,
+        gripper: gripper.unwrap_or_default(),
     })
 }
 

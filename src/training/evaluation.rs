@@ -70,7 +70,7 @@ impl ValidationSet {
                 if to >= states.len() || states[to].trajectory != states[from].trajectory {
                     break;
                 }
-                if gap > 0 {
+                if gap > 0 && data.is_imitated(states[from], &config.imitation) {
                     policy.push(pairs.len());
                 }
                 pairs.push((from as u32, to as u32));
@@ -96,7 +96,7 @@ impl ValidationSet {
             near,
             policy,
             look_alikes,
-            across: across(data, trajectories, &states, config.d_max),
+            across: across(data, trajectories, &states, config),
             states,
         })
     }
@@ -234,16 +234,19 @@ fn across(
     data: &Dataset,
     trajectories: &[u32],
     states: &[StateRef],
-    d_max: usize,
+    config: &TrainingConfig,
 ) -> Vec<(u32, u32)> {
     let alignment = Alignment::find(data, trajectories);
     let mut pairs = Vec::new();
     for (row, state) in states.iter().enumerate() {
+        if !data.is_imitated(*state, &config.imitation) {
+            continue;
+        }
         for (partner, _) in alignment.partners(state.trajectory) {
             let Some(step) = alignment.counterpart(*state, *partner) else {
                 continue;
             };
-            let end = (step as usize + d_max).min(data.steps(*partner)) as u32;
+            let end = (step as usize + config.d_max).min(data.steps(*partner)) as u32;
             pairs.extend((step + 1..end).map(|step| {
                 let goal = StateRef {
                     trajectory: *partner,

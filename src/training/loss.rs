@@ -71,13 +71,14 @@ impl Targets {
             let class = near_class(pair.gap_steps);
             let rows = (pair.from, pair.to);
             targets.traversability.push(rows, &[class], weights[class]);
-            if pair.gap_steps > 0 {
+            let from = draw.states[pair.from];
+            if pair.gap_steps > 0 && data.is_imitated(from, &config.imitation) {
                 let weight = weights[class] * (1.0 - aligned_share);
-                let actions = data.classes(draw.states[pair.from]);
+                let actions = data.classes(from);
                 targets.policy.push(rows, actions, weight);
             }
         }
-        targets.add_aligned(draw, data, config.d_max, aligned_share);
+        targets.add_aligned(draw, data, config, aligned_share);
         let hard_share = match (draw.far.is_empty(), draw.hard.is_empty()) {
             (_, true) => 0.0,
             (true, false) => 1.0,
@@ -94,13 +95,16 @@ impl Targets {
     }
 
     /// Goal states of other demonstrations, with the action that the state's own demonstration took.
-    fn add_aligned(&mut self, draw: &Draw, data: &Dataset, d_max: usize, share: f32) {
+    fn add_aligned(&mut self, draw: &Draw, data: &Dataset, config: &TrainingConfig, share: f32) {
         let classes = draw.aligned.iter().map(|p| near_class(p.gap_steps));
-        let weights = near_class_weights(d_max, classes);
+        let weights = near_class_weights(config.d_max, classes);
         for pair in draw.aligned.iter().filter(|_| share > 0.0) {
-            let weight = weights[near_class(pair.gap_steps)] * share;
-            let actions = data.classes(draw.states[pair.from]);
-            self.policy.push((pair.from, pair.to), actions, weight);
+            let from = draw.states[pair.from];
+            if data.is_imitated(from, &config.imitation) {
+                let weight = weights[near_class(pair.gap_steps)] * share;
+                let rows = (pair.from, pair.to);
+                self.policy.push(rows, data.classes(from), weight);
+            }
         }
     }
 }
@@ -169,6 +173,7 @@ mod tests {
     use super::*;
     use crate::training::sampler::NearPair;
     use crate::training::{StateRef, synthetic};
+    use crate::trajectory::{Action, ActionSpace, DemonstrationSet};
 
     fn at(trajectory: u32, step: u32) -> StateRef {
         StateRef { trajectory, step }
@@ -227,6 +232,37 @@ mod tests {
         for (weight, expected) in policy.weights.iter().zip(expected) {
             assert!((weight - expected).abs() < 1e-6, "{weight} {expected}");
         }
+    }
+
+    #[test]
+    fn a_missed_grasp_is_left_out_of_the_policy_and_of_nothing_else() {
+        let mut set = synthetic::demonstrations("a", 2, 9, 1)
+            .trajectories()
+            .to_vec();
+        for trajectory in &mut set {
+            trajectory.action_space = ActionSpace::Primitives {
+                names: ["gripper_close", "gripper_open", "up", "down"]
+                    .map(String::from)
+                    .to_vec(),
+            };
+            for (step, action) in trajectory.steps.iter_mut().zip([2, 2, 3, 3, 0, 1, 2, 2, 2]) {
+                step.action = Action::Primitive(action);
+            }
+        }
+        let data = Dataset::new(&[DemonstrationSet::new("a", set).unwrap()]).unwrap();
+        let mut config = TrainingConfig::default();
+        let all = Targets::of(&draw(), &data, &config);
+        assert_eq!(all.policy.from, [0, 1, 0]);
+        config.imitation.missed_grasp_steps = 2;
+        config.imitation.lead_steps = 2;
+        let without = Targets::of(&draw(), &data, &config);
+        assert!(
+            without.policy.from.is_empty(),
+            "steps 3 and 4 led to the miss and were it"
+        );
+        assert_eq!(without.traversability, all.traversability);
+        let opening = at(0, 5);
+        assert!(data.is_imitated(opening, &config.imitation));
     }
 
     #[test]

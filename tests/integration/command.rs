@@ -197,6 +197,44 @@ fn a_run_leaves_its_files() {
 }
 
 #[test]
+fn gaps_name_every_seam_with_its_near_misses_and_the_demonstration_to_record() {
+    let sequence = "tasks/sequences/tidy_room.yaml";
+    let json = succeeded(&["graph", "gaps", sequence, "--json"]);
+    let report: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    let seams = report["seams"].as_array().expect("seams");
+    let ends: Vec<_> = seams
+        .iter()
+        .map(|s| (s["from_task"].as_str(), s["to_task"].as_str()))
+        .collect();
+    let expected = [("sock", "trash"), ("trash", "wine")].map(|(a, b)| (Some(a), Some(b)));
+    assert_eq!(ends, expected);
+    for seam in seams {
+        let misses = seam["near_misses"].as_array().expect("near misses");
+        let place = |miss: &serde_json::Value, end: &str, task: &str| {
+            assert!(miss[end].as_str().expect("a place").starts_with(task));
+        };
+        for miss in misses {
+            place(miss, "from", seam["from_task"].as_str().expect("a task"));
+            place(miss, "to", seam["to_task"].as_str().expect("a task"));
+            assert!(miss["pictures"][0].is_string() && miss["pictures"][1].is_string());
+        }
+        let sure: Vec<_> = misses
+            .iter()
+            .map(|m| m["connected_probability"].as_f64().expect("a probability"))
+            .collect();
+        assert!(
+            !sure.is_empty() && sure.is_sorted_by(|a, b| a >= b),
+            "{sure:?}"
+        );
+    }
+    let wish = &report["most_helpful"];
+    assert!(wish["from"].is_string() && wish["to"].is_string(), "{wish}");
+    let words = succeeded(&["graph", "gaps", sequence]);
+    assert!(words.contains("sock -> trash: connect in"), "{words}");
+    assert!(words.contains("one more demonstration would help most from"));
+}
+
+#[test]
 fn a_wrong_composition_is_refused_with_its_line() {
     let output = catena(&[
         "compose",

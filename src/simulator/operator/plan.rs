@@ -88,7 +88,7 @@ fn fetch_sock(insight: &Insight, rng: &mut ChaCha8Rng) -> Vec<Stage> {
             thing: Graspable::Sock,
             target: Target::Sock,
             above_m: 0.008,
-            short_m: 0.007,
+            short_m: 0.0,
             from_above: true,
         }),
         Stage::Raise(OVER_DRAWER_M),

@@ -3,6 +3,9 @@
 
 use std::f32::consts::{PI, TAU};
 
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+
 use crate::simulator::kinematics::Joints;
 use crate::simulator::primitive::{
     DRIVE_STEP_M, Primitive, TOOL_STEP_M, TURN_STEP_RAD, WRIST_STEP_RAD,
@@ -44,6 +47,17 @@ pub(super) struct Grasp {
     pub short_m: f32,
     /// Come down on it; otherwise come from ahead.
     pub from_above: bool,
+}
+
+/// How far from the right place a grasp is tried.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Misjudgement {
+    /// The gripper is closed so many steps before it gets there.
+    early_steps: u8,
+    /// Beyond the thing, by so much.
+    beyond_m: f32,
+    /// To the left of the thing, by so much.
+    left_m: f32,
 }
 
 /// One part of a plan.
@@ -159,6 +173,17 @@ impl Stage {
     }
 }
 
+impl Misjudgement {
+    /// How many primitives back give room to put it right.
+    pub(super) fn retreats(&self, grasp: &Grasp) -> u32 {
+        match (self.early_steps > 0, grasp.from_above) {
+            (true, _) => 0,
+            (false, true) => 2,
+            (false, false) => 3,
+        }
+    }
+}
+
 impl Grasp {
     /// The way out after a grasp that failed.
     pub(super) const fn retreat(&self) -> Primitive {
@@ -169,13 +194,40 @@ impl Grasp {
         }
     }
 
+    /// A place to try it where it will fail.
+    pub(super) fn misjudged(&self, rng: &mut ChaCha8Rng) -> Misjudgement {
+        let right = Misjudgement::default();
+        let steps = |rng: &mut ChaCha8Rng, least: u8, most: u8| {
+            let steps = f32::from(rng.random_range(least..=most)) * TOOL_STEP_M;
+            if rng.random_bool(0.5) { steps } else { -steps }
+        };
+        if rng.random_bool(0.3) {
+            let early_steps = rng.random_range(2..=3);
+            return Misjudgement {
+                early_steps,
+                ..right
+            };
+        }
+        if !self.from_above {
+            let left_m = steps(rng, 3, 4);
+            return Misjudgement { left_m, ..right };
+        }
+        if rng.random_bool(0.5) {
+            let left_m = steps(rng, 2, 2);
+            return Misjudgement { left_m, ..right };
+        }
+        let beyond_m = steps(rng, 2, 3);
+        Misjudgement { beyond_m, ..right }
+    }
+
     /// The next primitive of the approach, `None` when it is time to close the gripper.
-    pub(super) fn next(&self, insight: &Insight, slack_steps: u8) -> Option<Primitive> {
+    pub(super) fn next(&self, insight: &Insight, misjudged: &Misjudgement) -> Option<Primitive> {
         let [ahead, left] = self.target.relative_to_base(insight);
         let tool = &insight.tool;
-        let (dx, dy) = (ahead - self.short_m - tool.x_m, left - tool.y_m);
+        let dx = ahead - self.short_m + misjudged.beyond_m - tool.x_m;
+        let dy = left + misjudged.left_m - tool.y_m;
         let dz = self.target.place(insight)[2] + self.above_m - tool.z_m;
-        let slack_m = f32::from(slack_steps) * TOOL_STEP_M;
+        let slack_m = f32::from(misjudged.early_steps) * TOOL_STEP_M;
         if self.from_above {
             let down = |above_m: f32| {
                 (-dz > TOOL_TOLERANCE_M + above_m).then_some(Primitive::EndEffectorDown)

@@ -32,7 +32,9 @@ pub(super) const LINK_BOXES: [([f32; 3], [f32; 3]); 5] = [
     ([0.025, 0.03, 0.02], [0.02, 0.0, 0.0]),
 ];
 
-const PAD_HALF_M: [f32; 3] = [0.03, FINGER_THICKNESS_M, 0.012];
+const PAD_HALF_M: [f32; 3] = [0.04, FINGER_THICKNESS_M, 0.012];
+/// How far the middle of a pad lies ahead of where the gripper is commanded to.
+const PAD_AHEAD_M: f32 = 0.01;
 /// The tips in front of the pads bend outwards, so that a thing a little aside slides in between.
 const TIP_HALF_M: [f32; 3] = [0.009, 0.002, 0.012];
 const TIP_FLARE_RAD: f32 = 0.7;
@@ -114,7 +116,7 @@ impl Builder {
             .pose(Pose::from(pose))
             .can_sleep(false);
         let body = self.physics.insert_body(body);
-        let mut form = Form::cuboid(PAD_HALF_M, Isometry3::identity());
+        let mut form = Form::cuboid(PAD_HALF_M, shift(PAD_AHEAD_M, 0.0, 0.0));
         form.collider = form
             .collider
             .friction_combine_rule(CoefficientCombineRule::Max);
@@ -132,7 +134,7 @@ impl Builder {
         };
         let (sine, cosine) = TIP_FLARE_RAD.sin_cos();
         let [half_length, half_thickness, _] = TIP_HALF_M;
-        let ahead = PAD_HALF_M[0] + half_length * cosine - half_thickness * sine;
+        let ahead = PAD_AHEAD_M + PAD_HALF_M[0] + half_length * cosine - half_thickness * sine;
         let outwards = half_length * sine + half_thickness * cosine - FINGER_THICKNESS_M;
         let bend = spin(Vector3::z(), side * TIP_FLARE_RAD);
         let tip = Form::cuboid(TIP_HALF_M, shift(ahead, side * outwards, 0.0) * bend);
@@ -140,7 +142,7 @@ impl Builder {
         let bar = Shape::Box {
             half_extents: [0.015, 0.004, 0.008],
         };
-        self.show(Some(body), shift(-0.045, 0.0, 0.0), bar, material);
+        self.show(Some(body), shift(-0.043, 0.0, 0.0), bar, material);
         let joint = PrismaticJointBuilder::new(Vector::new(0.0, side, 0.0))
             .local_anchor1(Vector::new(PALM_TO_TOOL_M, 0.0, 0.0))
             .limits([FINGER_THICKNESS_M - FINGER_PLAY_M, open])

@@ -141,8 +141,17 @@ impl Builder {
         material: Material,
     ) -> ColliderHandle {
         self.show(Some(body), form.body_from_shape, form.shape, material);
-        let collider = form
-            .collider
+        self.feel(body, form.collider, substance)
+    }
+
+    /// Adds something to a body that is felt and not seen.
+    pub fn feel(
+        &mut self,
+        body: RigidBodyHandle,
+        collider: ColliderBuilder,
+        substance: Substance,
+    ) -> ColliderHandle {
+        let collider = collider
             .mass(substance.mass_kg)
             .friction(substance.friction)
             .collision_groups(touching(substance.own, substance.others));

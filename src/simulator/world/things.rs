@@ -4,9 +4,9 @@
 use std::f32::consts::FRAC_PI_2;
 
 use nalgebra::Isometry3;
-use rapier3d::prelude::{Group, RigidBodyHandle};
+use rapier3d::prelude::{CoefficientCombineRule, Group, RigidBodyHandle};
 
-use super::build::groups::{FLOOR, FURNITURE, LOOSE};
+use super::build::groups::{DRAWER, FLOOR, FURNITURE, LOOSE};
 use super::build::{Builder, Form, Substance};
 use super::furniture::BOTTOM_HALF_M;
 use crate::simulator::kinematics::shift;
@@ -16,6 +16,8 @@ use crate::simulator::variation::{Arrangement, SockPlace};
 
 const SOCK_RADIUS_M: f32 = 0.016;
 const SOCK_HALF_M: f32 = 0.036;
+/// What is left of the sock's radius between fingers: the wool around it gives way.
+const SOCK_CORE_RADIUS_M: f32 = 0.011;
 const CAN_RADIUS_M: f32 = 0.020;
 const CAN_HALF_M: f32 = 0.06;
 /// Half of the side of the tissue, a square.
@@ -49,8 +51,20 @@ impl Builder {
             }
         };
         let body = self.loose(place, arrangement.yaws_rad[0]);
+        let material = arrangement.palette.sock;
+        let wool = Substance {
+            mass_kg: 0.01,
+            others: FLOOR | FURNITURE | DRAWER | LOOSE,
+            ..THING
+        };
         let roll = Form::upright(SOCK_RADIUS_M, SOCK_HALF_M, Isometry3::identity());
-        self.attach(body, roll, THING, arrangement.palette.sock);
+        self.attach(body, roll, wool, material);
+        let core = Substance {
+            mass_kg: 0.02,
+            ..THING
+        };
+        let roll = Form::upright(SOCK_CORE_RADIUS_M, SOCK_HALF_M, Isometry3::identity());
+        self.feel(body, roll.collider, core);
         body
     }
 
@@ -62,9 +76,13 @@ impl Builder {
         );
         let place = [x, y, below + CAN_HALF_M + GAP_M];
         let body = self.loose(place, arrangement.yaws_rad[1]);
-        let can = Form::upright(CAN_RADIUS_M, CAN_HALF_M, Isometry3::identity());
+        let mut can = Form::upright(CAN_RADIUS_M, CAN_HALF_M, Isometry3::identity());
+        // Smooth enough that a push moves it along instead of tipping it over.
+        can.collider = can
+            .collider
+            .friction_combine_rule(CoefficientCombineRule::Min);
         let tin = Substance {
-            friction: 0.6,
+            friction: 0.15,
             ..THING
         };
         self.attach(body, can, tin, arrangement.palette.can);
