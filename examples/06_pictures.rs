@@ -6,7 +6,7 @@
 use std::error::Error;
 use std::path::Path;
 
-use catena::simulator::{Bedroom, BedroomConfig, BedroomTask, demonstrate};
+use catena::simulator::{Bedroom, BedroomConfig, BedroomTask, Habits, demonstrate_on};
 use catena::trajectory::{Image, Observation};
 use image::{RgbImage, imageops};
 
@@ -21,7 +21,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut strip = RgbImage::new(3 * 320 + 20, 2 * 180 + 10);
     for (column, task) in BedroomTask::ALL.into_iter().enumerate() {
         let mut bedroom = Bedroom::new(BedroomConfig::paper(task));
-        let trajectory = demonstrate(&mut bedroom, task, 5)?.trajectory;
+        bedroom.arrange(5);
+        let sure = Habits {
+            missed_grasp: 0.0,
+            ..Habits::default()
+        };
+        let trajectory = demonstrate_on(&mut bedroom, task, sure, 5)?.trajectory;
         let grasped = format!("{}_grasped", ["sock", "can", "tissue"][column]);
         let step = trajectory
             .marker_step(&grasped)
