@@ -18,6 +18,7 @@ mod device;
 mod error;
 mod evaluation;
 mod export;
+mod held_out_pairs;
 mod history;
 mod look_alikes;
 mod loss;

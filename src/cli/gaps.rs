@@ -107,7 +107,7 @@ fn picture_near(loaded: &Loaded, node: NodeId) -> Option<String> {
     Some(format!("{}:{nearest}", node.trajectory))
 }
 
-/// The crossing between tasks that the plan trusts least.
+/// The predicted edge that the plan trusts least.
 fn weakest_crossing(graph: &TopologicalGraph, plan: &Plan) -> Option<Wish> {
     let crossings = plan.route.windows(2).filter_map(|pair| {
         let edge = graph.edge(pair[0], pair[1])?;
@@ -117,7 +117,7 @@ fn weakest_crossing(graph: &TopologicalGraph, plan: &Plan) -> Option<Wish> {
     Some(Wish {
         from: graph.node(pair[0]).place(),
         to: graph.node(pair[1]).place(),
-        reason: format!("the plan is least sure of this crossing, P(connected) {probability:.3}"),
+        reason: format!("the plan is least sure of this edge, P(connected) {probability:.3}"),
     })
 }
 
