@@ -24,6 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         bedroom.arrange(5);
         let sure = Habits {
             missed_grasp: 0.0,
+            missed_from_above: 0.0,
             ..Habits::default()
         };
         let trajectory = demonstrate_on(&mut bedroom, task, sure, 5)?.trajectory;

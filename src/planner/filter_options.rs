@@ -26,6 +26,9 @@ pub struct FilterOptions {
     pub regress_mass: f64,
     /// Votes in a row until the stage falls back (what was held has slipped); `None`: never.
     pub regress_votes: Option<u32>,
+    /// By how many subgoals the stage may fall back at once. What the robot holds it can lose, which
+    /// undoes one subgoal; what it put away before stays there, however much the room looks as it did.
+    pub regress_stages: usize,
     /// The robot is lost when the states where it is believed to be are connected to what it sees
     /// with less than this probability ...
     pub lost_probability: f64,
@@ -47,6 +50,7 @@ impl Default for FilterOptions {
             advance_votes: 2,
             regress_mass: 0.85,
             regress_votes: Some(4),
+            regress_stages: 1,
             lost_probability: 0.2,
             lost_patience: 4,
         }

@@ -192,8 +192,13 @@ impl StageFilter {
             self.motion
                 .predict(&self.layout, &self.options, &self.belief)
         };
+        let lowest = self.lowest_stage();
         for (mass, place) in belief.iter_mut().zip(self.layout.places()) {
-            *mass *= self.likelihood(distances, place.node);
+            *mass *= if place.stage < lowest {
+                0.0
+            } else {
+                self.likelihood(distances, place.node)
+            };
         }
         normalise(&mut belief);
         self.belief = belief;
@@ -208,6 +213,11 @@ impl StageFilter {
         };
         self.unfit_steps = if is_unfit { self.unfit_steps + 1 } else { 0 };
         self.localise(fit, stage_probabilities, change)
+    }
+
+    /// The earliest stage that the robot may have fallen back to.
+    fn lowest_stage(&self) -> usize {
+        self.stage.saturating_sub(self.options.regress_stages)
     }
 
     fn is_lost(&self) -> bool {

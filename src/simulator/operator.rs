@@ -27,6 +27,8 @@ pub struct Habits {
     pub hesitation: f64,
     /// Chance that a loose thing is first grasped in the wrong place, too early or beside it.
     pub missed_grasp: f64,
+    /// The same for what is taken from above, where the hand hides it.
+    pub missed_from_above: f64,
     /// Chance of each retreat with the empty gripper before the miss is noticed.
     pub late_notice: f64,
     /// Chance that the wrong key of the same part of the robot is pressed. Whatever comes of it is put
@@ -43,6 +45,7 @@ impl Default for Habits {
             overshoot: 0.08,
             hesitation: 0.015,
             missed_grasp: 0.6,
+            missed_from_above: 0.8,
             late_notice: 0.3,
             slip: 0.06,
             slip_again: 0.35,
@@ -153,7 +156,8 @@ impl Operator {
     }
 
     /// What does not move the robot twice in a row will not do so the third time: a grasp is tried
-    /// anew, the arm gets room by backing off once, and everything else is left as it is.
+    /// anew, the arm gets room by backing off (also where the retreat from a grasp is what does not
+    /// move), and everything else is left as it is.
     fn notice_obstacles(&mut self, insight: &Insight) {
         let stands = |(_, before): &(Primitive, Insight)| insight.stands_as(before);
         if !self.last.as_ref().is_some_and(stands) {
@@ -165,8 +169,9 @@ impl Operator {
             return;
         }
         self.blocked_steps = 0;
+        let was = |wanted| self.last.is_some_and(|(primitive, _)| primitive == wanted);
         match self.stages.get(self.current) {
-            Some(Stage::Grasp(_)) => {
+            Some(Stage::Grasp(grasp)) if !was(grasp.retreat(insight)) => {
                 self.misjudged = None;
                 self.retreats_due = 2;
             }
@@ -190,7 +195,12 @@ impl Operator {
         self.misjudged = match self.stages.get(self.current) {
             // A handle is hard to miss.
             Some(Stage::Grasp(grasp)) if grasp.thing != Graspable::Drawer => {
-                let misses = self.rng.random_bool(self.habits.missed_grasp);
+                let chance = if grasp.from_above {
+                    self.habits.missed_from_above
+                } else {
+                    self.habits.missed_grasp
+                };
+                let misses = self.rng.random_bool(chance);
                 misses.then(|| grasp.misjudged(&mut self.rng))
             }
             _ => None,
@@ -239,7 +249,7 @@ impl Operator {
         if insight.gripper_shut {
             if self.misjudged.is_some() && self.rng.random_bool(self.habits.late_notice) {
                 self.late_retreats += 1;
-                return Some(grasp.retreat());
+                return Some(grasp.retreat(insight));
             }
             let wanted = self.misjudged.take().map_or(2, |m| m.retreats(&grasp));
             self.retreats_due = wanted.saturating_sub(self.late_retreats);
@@ -248,7 +258,7 @@ impl Operator {
         }
         if self.retreats_due > 0 {
             self.retreats_due -= 1;
-            return Some(grasp.retreat());
+            return Some(grasp.retreat(insight));
         }
         let misjudged = self.misjudged.unwrap_or_default();
         let approach = grasp.next(insight, &misjudged);

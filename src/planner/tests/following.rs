@@ -111,6 +111,23 @@ fn slip_falls_back_to_the_stage_before() {
 }
 
 #[test]
+fn a_room_that_looks_as_at_the_beginning_undoes_one_subgoal_at_most() {
+    let fallen_to = |regress_stages| {
+        let (graph, planner, _) = set_up();
+        let mut filter = planner.stage_filter(FilterOptions {
+            regress_stages,
+            ..FilterOptions::default()
+        });
+        walk(&graph, &mut filter, steps_to(31));
+        assert_eq!(filter.stage(), 3);
+        walk(&graph, &mut filter, [3.0; 20]);
+        filter.stage()
+    };
+    assert_eq!(fallen_to(usize::MAX), 0, "what there is to hold back");
+    assert!(fallen_to(1) >= 2);
+}
+
+#[test]
 fn subgoal_without_the_one_before_is_a_shortcut_and_keeps_the_stage() {
     let (graph, _, mut filter) = set_up();
     walk(&graph, &mut filter, steps_to(3));

@@ -110,6 +110,7 @@ mod tests {
     fn sure() -> Habits {
         Habits {
             missed_grasp: 0.0,
+            missed_from_above: 0.0,
             late_notice: 0.0,
             slip: 0.0,
             ..Habits::default()

@@ -20,7 +20,9 @@ const TOOL_TOLERANCE_M: f32 = 0.53 * TOOL_STEP_M;
 
 /// How far above a thing the hand is brought over it: near enough to see well what is between the
 /// fingers, high enough to pass over it.
-const CLOSE_ABOVE_M: f32 = 0.05;
+const CLOSE_ABOVE_M: f32 = 0.07;
+/// How far aside a thing may lie for a hand that is lower than that to come down on it all the same.
+const LOW_TOLERANCE_M: f32 = 0.03;
 
 /// A place that a stage is about.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -186,11 +188,12 @@ impl Misjudgement {
 
 impl Grasp {
     /// The way out after a grasp that failed.
-    pub(super) const fn retreat(&self) -> Primitive {
+    pub(super) fn retreat(&self, insight: &Insight) -> Primitive {
+        let back = Primitive::EndEffectorBackward;
         if self.from_above {
-            Primitive::EndEffectorUp
+            raise(TOOL_STEP_M, insight).unwrap_or(back)
         } else {
-            Primitive::EndEffectorBackward
+            back
         }
     }
 
@@ -232,6 +235,15 @@ impl Grasp {
             let down = |above_m: f32| {
                 (-dz > TOOL_TOLERANCE_M + above_m).then_some(Primitive::EndEffectorDown)
             };
+            // What lies loose is pushed along by a hand that moves in it: up first, then across.
+            if -dz < CLOSE_ABOVE_M - TOOL_TOLERANCE_M {
+                let is_off = dx.abs().max(dy.abs()) > LOW_TOLERANCE_M;
+                return if is_off {
+                    Some(self.retreat(insight))
+                } else {
+                    down(slack_m)
+                };
+            }
             return down(CLOSE_ABOVE_M)
                 .or_else(|| sideways(dy))
                 .or_else(|| lengthways(dx, insight))
