@@ -43,6 +43,7 @@ mod no_path;
 mod options;
 mod plan;
 mod roads;
+mod suspects;
 #[cfg(test)]
 mod tests;
 mod timeline;
@@ -60,3 +61,4 @@ pub use localisation::{Localisation, StageChange, StageFilter};
 pub use no_path::{Gap, NoPath};
 pub use options::{EdgeChoice, Join, PlannerOptions, Search};
 pub use plan::{Plan, Planner};
+pub use suspects::{SuspectEdge, suspects};

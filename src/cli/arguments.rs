@@ -153,6 +153,10 @@ pub struct GraphMergeArguments {
 pub struct GraphShowArguments {
     /// A graph folder.
     pub graph: PathBuf,
+    /// Also list the predicted edges that claim to gain most steps over the demonstrations, those that a
+    /// shortest path would take and a robot perhaps cannot.
+    #[arg(long)]
+    pub suspects: bool,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
@@ -195,8 +199,11 @@ pub struct RunArguments {
 /// `catena evaluate`
 #[derive(Debug, Args)]
 pub struct EvaluateArguments {
-    /// A task's name, or the YAML file of a composition.
+    /// A task's name, the YAML file of a composition, or `shortcuts`: how well the monitor finds them.
     pub target: String,
+    /// With `shortcuts`: the YAML file of the composition that is watched.
+    #[arg(long)]
+    pub composition: Option<String>,
     /// Number of episodes.
     #[arg(long, default_value_t = 50)]
     pub episodes: usize,

@@ -1,5 +1,7 @@
 use std::path::PathBuf;
 
+use serde::Serialize;
+
 use super::arguments::{
     Arguments, GraphBuildArguments, GraphCommand, GraphMergeArguments, GraphShowArguments,
 };
@@ -8,8 +10,11 @@ use super::gaps::gaps;
 use super::loaded::{GraphFolders, merge_options, show as show_progress};
 use super::progress;
 use crate::composer::load_task;
-use crate::graph::{BuildOptions, GraphStatistics, Node, NodeId, TopologicalGraph, build, merge};
+use crate::graph::{
+    BuildOptions, EdgeKind, GraphStatistics, Node, NodeId, TopologicalGraph, build, merge,
+};
 use crate::inference::Model;
+use crate::planner::{SuspectEdge, suspects};
 use crate::storage::{
     GraphImage, GraphManifest, demonstrations_digest, load_demonstrations, load_graph,
     load_manifest, save_graph, save_graph_with_images,
@@ -20,6 +25,22 @@ use crate::view::write_merged_graph_svg;
 
 /// Cross-task edges that `graph show` lists.
 const LISTED_EDGES: usize = 8;
+
+/// Steps that a predicted edge may claim to save over the demonstrations before it is suspect: some people
+/// are that much slower than others between the same two states.
+const SUSPICIOUS_GAIN_STEPS: f32 = 12.0;
+
+/// Suspect edges that `graph show` prints; JSON has all of them.
+const LISTED_SUSPECTS: usize = 20;
+
+/// What `graph show --json` prints.
+#[derive(Serialize)]
+struct GraphReport {
+    #[serde(flatten)]
+    statistics: GraphStatistics,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    suspects: Option<Vec<SuspectEdge>>,
+}
 
 /// One picture stands for so many steps: with all of them the pictures would outweigh everything else.
 pub(super) const PICTURE_EVERY_STEPS: u32 = 6;
@@ -174,7 +195,7 @@ fn merge_graphs(
     Ok(())
 }
 
-fn tasks_of(manifest: &GraphManifest) -> Vec<Task> {
+fn tasks_of(manifest: &GraphManifest) -> impl Iterator<Item = Task> {
     let task = |t: &crate::storage::GraphTask| Task {
         name: t.name.clone(),
         subgoals: t
@@ -186,14 +207,22 @@ fn tasks_of(manifest: &GraphManifest) -> Vec<Task> {
             })
             .collect(),
     };
-    manifest.tasks.iter().map(task).collect()
+    manifest.tasks.iter().map(task)
 }
 
 fn show(arguments: &GraphShowArguments) -> Result<(), CliError> {
     let (graph, manifest) = load_graph(&arguments.graph)?;
     let statistics = GraphStatistics::new(&graph, LISTED_EDGES);
+    let tasks: Vec<Task> = tasks_of(&manifest).collect();
+    let found = arguments
+        .suspects
+        .then(|| suspects(&graph, &tasks, SUSPICIOUS_GAIN_STEPS));
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&statistics)?);
+        let report = GraphReport {
+            statistics,
+            suspects: found,
+        };
+        println!("{}", serde_json::to_string_pretty(&report)?);
         return Ok(());
     }
     println!("{statistics}");
@@ -207,7 +236,22 @@ fn show(arguments: &GraphShowArguments) -> Result<(), CliError> {
         .map(|(id, _)| id)
         .collect();
     println!("end states: {}", ends.len());
+    if let Some(found) = found {
+        print_suspects(&graph, &found);
+    }
     Ok(())
+}
+
+fn print_suspects(graph: &TopologicalGraph, found: &[SuspectEdge]) {
+    let kinds = graph.edges().map(|(_, _, edge)| edge.kind);
+    println!(
+        "{} of {} predicted edges claim to save {SUSPICIOUS_GAIN_STEPS} steps or more",
+        found.len(),
+        kinds.filter(|k| *k != EdgeKind::Temporal).count()
+    );
+    for suspect in found.iter().take(LISTED_SUSPECTS) {
+        println!("  {suspect}");
+    }
 }
 
 /// Where a folder would go; kept here so that commands name it alike.

@@ -25,6 +25,22 @@ pub struct AuditedEdge {
     pub connected_probability: f32,
 }
 
+impl AuditedEdge {
+    /// The edge between two states of a graph, whether or not there is one.
+    pub(super) fn of(graph: &TopologicalGraph, from: NodeId, to: NodeId) -> Self {
+        let edge = graph.edge(from, to);
+        Self {
+            from,
+            from_state: graph.node(from).place(),
+            to,
+            to_state: graph.node(to).place(),
+            kind: edge.map(|e| e.kind),
+            steps: edge.map_or(0, |e| e.steps),
+            connected_probability: edge.map_or(0.0, crate::graph::Edge::connected_probability),
+        }
+    }
+}
+
 /// Subgoals that a route skips at once.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shortcut {
@@ -94,7 +110,7 @@ pub fn audit(graph: &TopologicalGraph, automaton: &Automaton, route: &[NodeId]) 
         }
         let there = walker.stage(occurrence, to);
         if there < here {
-            audit.setbacks.push(walker.edge(from, to));
+            audit.setbacks.push(AuditedEdge::of(graph, from, to));
         }
         if there > furthest {
             walker.note(&mut audit, (from, to), furthest..there);
@@ -140,21 +156,8 @@ impl Walker<'_> {
         if !skipped.is_empty() {
             audit.shortcuts.push(Shortcut {
                 skipped,
-                edge: self.edge(from, to),
+                edge: AuditedEdge::of(self.graph, from, to),
             });
-        }
-    }
-
-    fn edge(&self, from: NodeId, to: NodeId) -> AuditedEdge {
-        let edge = self.graph.edge(from, to);
-        AuditedEdge {
-            from,
-            from_state: self.graph.node(from).place(),
-            to,
-            to_state: self.graph.node(to).place(),
-            kind: edge.map(|e| e.kind),
-            steps: edge.map_or(0, |e| e.steps),
-            connected_probability: edge.map_or(0.0, crate::graph::Edge::connected_probability),
         }
     }
 }

@@ -154,6 +154,25 @@ fn demonstrations_become_a_model_and_a_graph_that_belong_together() {
 }
 
 #[test]
+fn suspect_edges_of_a_shipped_graph_are_listed() {
+    let show = |more: &[&str]| {
+        let words = [&["graph", "show", "graphs/bedroom/sock"], more].concat();
+        succeeded(&words)
+    };
+    let json = show(&["--suspects", "--json"]);
+    let shown: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    let suspects = shown["suspects"].as_array().expect("a list");
+    for suspect in suspects {
+        let steps = suspect["edge"]["steps"].as_f64().expect("a number");
+        let progress = suspect["progress_steps"].as_f64().expect("a number");
+        assert!(progress - steps >= 12.0, "{suspect}");
+    }
+    let text = show(&["--suspects"]);
+    assert!(text.contains(&format!("{} of ", suspects.len())), "{text}");
+    assert!(!show(&["--json"]).contains("suspects"));
+}
+
+#[test]
 fn the_shipped_chain_is_planned_without_a_shortcut() {
     let json = succeeded(&["compose", "tasks/sequences/sock_then_trash.yaml", "--json"]);
     let plan: serde_json::Value = serde_json::from_str(&json).expect("JSON");

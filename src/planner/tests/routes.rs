@@ -5,7 +5,8 @@ use std::sync::Arc;
 use super::corridor::{automaton, learned, merged, node_at, tasks};
 use crate::graph::{EdgeKind, PruneOptions, TopologicalGraph, prune};
 use crate::planner::{
-    EdgeChoice, FinalChoice, Gap, Planner, PlannerError, PlannerOptions, Search, audit,
+    EdgeChoice, FinalChoice, Gap, Planner, PlannerError, PlannerOptions, Search, SuspectEdge,
+    audit, suspects,
 };
 use crate::task::Automaton;
 
@@ -71,6 +72,22 @@ fn wormhole_is_a_shortcut_that_only_the_unconstrained_plan_takes() {
     let ordered = planner(&graph, all_edges());
     let plan = ordered.plan_from_start().expect("a way");
     assert!(ordered.audit(&plan).is_clean());
+}
+
+#[test]
+fn edges_that_claim_to_gain_much_are_suspects() {
+    let graph = with_wormhole();
+    let found = suspects(&graph, &tasks(), 10.0);
+    assert_eq!(found.len(), 1, "{found:?}");
+    let wormhole = &found[0];
+    assert_eq!(wormhole.edge.from_state, "a0:1");
+    assert_eq!((wormhole.edge.steps, wormhole.progress_steps), (2, 18.0));
+    assert_eq!(wormhole.skipped, vec![tasks()[0].subgoals[0].clone()]);
+    let all = suspects(&graph, &tasks(), -100.0);
+    let gains: Vec<f32> = all.iter().map(SuspectEdge::gain_steps).collect();
+    assert!(gains.is_sorted_by(|a, b| a >= b), "the largest gain first");
+    let predicted = graph.edges().filter(|e| e.2.kind != EdgeKind::Temporal);
+    assert_eq!(all.len(), predicted.count());
 }
 
 #[test]

@@ -375,3 +375,34 @@ fn lengthways(off_m: f32, insight: &Insight) -> Option<Primitive> {
         Primitive::BaseBackward
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulator::bedroom::{Bedroom, BedroomConfig};
+    use crate::simulator::variation::BedroomTask;
+
+    #[test]
+    fn a_hand_that_is_low_beside_a_sock_rises_before_it_goes_across() {
+        let grasp = Grasp {
+            thing: Graspable::Sock,
+            target: Target::Sock,
+            above_m: 0.0,
+            short_m: 0.0,
+            from_above: true,
+        };
+        let next = |ahead_m: f32, height_m: f32| {
+            let mut insight = Bedroom::new(BedroomConfig::paper(BedroomTask::Sock)).insight();
+            (insight.base_m, insight.heading_rad) = ([0.0, 0.0], 0.0);
+            insight.sock_m = [0.45 + ahead_m, 0.0, 0.3];
+            (insight.tool.x_m, insight.tool.y_m) = (0.45, 0.0);
+            insight.tool.z_m = 0.3 + height_m;
+            grasp.next(&insight, &Misjudgement::default())
+        };
+        assert_eq!(next(0.06, 0.03), Some(Primitive::EndEffectorUp));
+        assert_eq!(next(0.06, 0.06), Some(Primitive::EndEffectorForward));
+        assert_eq!(next(0.06, 0.12), Some(Primitive::EndEffectorDown));
+        assert_eq!(next(0.02, 0.03), Some(Primitive::EndEffectorDown));
+        assert_eq!(next(0.02, 0.0), None, "near enough to close");
+    }
+}
