@@ -12,6 +12,7 @@ mod loaded;
 mod progress;
 mod record;
 mod run;
+mod shortcuts;
 mod train;
 
 use std::process::ExitCode;

@@ -2,12 +2,16 @@
 //!
 //! Only this room and the operator look at the truth; what plans and acts never does.
 
+mod detection;
 mod evaluation;
 mod interval;
 mod score;
 mod scored;
+mod watched;
 
+pub use detection::ShortcutDetection;
 pub use evaluation::{EpisodeResult, Evaluation, SubgoalTally};
 pub use interval::wilson_interval_95;
 pub use score::{Score, SubgoalOutcome};
 pub use scored::ScoredBedroom;
+pub use watched::Watched;

@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use super::arguments::{Arguments, EvaluateArguments, PlannerArgument};
 use super::error::CliError;
 use super::loaded::Loaded;
-use super::progress;
+use super::{progress, shortcuts};
 use crate::experiment::{EpisodeResult, Evaluation, ScoredBedroom};
 use crate::planner::{PlannerOptions, Search};
 use crate::rollout::Rollout;
@@ -14,6 +14,9 @@ pub(super) fn evaluate(
     evaluate_arguments: &EvaluateArguments,
     arguments: &Arguments,
 ) -> Result<(), CliError> {
+    if evaluate_arguments.target == shortcuts::TARGET {
+        return shortcuts::evaluate_shortcuts(evaluate_arguments, arguments);
+    }
     let loaded = Loaded::load(&evaluate_arguments.target, arguments)?;
     let bedroom = BedroomConfig {
         level: evaluate_arguments.level.into(),

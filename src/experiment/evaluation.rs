@@ -2,7 +2,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Score, SubgoalOutcome, wilson_interval_95};
+use super::{Score, ShortcutDetection, SubgoalOutcome, wilson_interval_95};
 use crate::rollout::{Episode, EpisodeEnd, Event, StepTimes};
 
 /// One scored episode.
@@ -20,6 +20,12 @@ pub struct EpisodeResult {
     pub outcomes: Vec<SubgoalOutcome>,
     /// The first step at which each subgoal held.
     pub first_steps: Vec<Option<usize>>,
+    /// The first step at which a subgoal held before an earlier one had; none without a shortcut.
+    #[serde(default)]
+    pub shortcut_step: Option<usize>,
+    /// The first step at which the monitor flagged a shortcut; none where it saw none.
+    #[serde(default)]
+    pub flagged_step: Option<usize>,
     /// Shortcuts that the monitor flagged.
     pub shortcuts_flagged: usize,
     /// Steps at which the robot was lost.
@@ -67,6 +73,8 @@ pub struct Evaluation {
     pub step_p99_ms: f64,
     /// Share of all steps at which the robot was lost, 0..=1.
     pub lost_share: f64,
+    /// How well the monitor noticed shortcuts.
+    pub detection: ShortcutDetection,
     /// The inference engine.
     pub engine: String,
     /// Every episode.
@@ -77,7 +85,11 @@ impl EpisodeResult {
     /// Puts together what the run said of itself and what the truth says of it.
     #[must_use]
     pub fn new(seed: u64, episode: &Episode, score: &Score) -> Self {
-        let is_shortcut = |e: &&Event| matches!(e, Event::Shortcut { .. });
+        let flag = |e: &Event| match e {
+            Event::Shortcut { step, .. } => Some(*step),
+            _ => None,
+        };
+        let flags: Vec<usize> = episode.events.iter().filter_map(flag).collect();
         let ended = match &episode.end {
             EpisodeEnd::Finished => "finished".to_owned(),
             EpisodeEnd::OutOfSteps => "out_of_steps".to_owned(),
@@ -91,7 +103,9 @@ impl EpisodeResult {
             ended,
             outcomes: score.outcomes(),
             first_steps: score.first_steps().to_vec(),
-            shortcuts_flagged: episode.events.iter().filter(is_shortcut).count(),
+            shortcut_step: score.shortcut_step(),
+            flagged_step: flags.first().copied(),
+            shortcuts_flagged: flags.len(),
             lost_steps: episode.lost_steps,
             step_times_ms: episode.times.iter().map(StepTimes::total_ms).collect(),
         }
@@ -131,6 +145,9 @@ impl Evaluation {
             step_median_ms: quantile(&times, 0.5),
             step_p99_ms: quantile(&times, 0.99),
             lost_share: lost as f64 / all_steps.max(1) as f64,
+            detection: ShortcutDetection::new(
+                results.iter().map(|r| (r.shortcut_step, r.flagged_step)),
+            ),
             engine: engine.to_owned(),
             results,
         }
@@ -182,6 +199,7 @@ impl fmt::Display for Evaluation {
                 s.name, s.reached, s.skipped, s.missed
             )?;
         }
+        writeln!(f, "  {}", self.detection)?;
         if let Some(steps) = self.steps_median {
             writeln!(f, "  median steps of a success: {steps}")?;
         }
@@ -209,6 +227,8 @@ mod tests {
             ended: "finished".to_owned(),
             outcomes: outcomes.to_vec(),
             first_steps: vec![None; 2],
+            shortcut_step: None,
+            flagged_step: None,
             shortcuts_flagged: 0,
             lost_steps: 1,
             step_times_ms: vec![1.0, 2.0, 3.0, 100.0],

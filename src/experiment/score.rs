@@ -51,6 +51,21 @@ impl Score {
         &self.first_step
     }
 
+    /// The first step at which a subgoal held before an earlier one had; none for an episode without a
+    /// shortcut.
+    #[must_use]
+    pub fn shortcut_step(&self) -> Option<usize> {
+        let is_too_early = |(i, step): &(usize, usize)| {
+            let mut before = self.first_step[..*i].iter();
+            before.any(|earlier| earlier.is_none_or(|earlier| earlier > *step))
+        };
+        let held = self.first_step.iter().enumerate();
+        held.filter_map(|(i, step)| Some((i, (*step)?)))
+            .filter(is_too_early)
+            .map(|(_, step)| step)
+            .min()
+    }
+
     /// What became of each subgoal, in the automaton's order.
     #[must_use]
     pub fn outcomes(&self) -> Vec<SubgoalOutcome> {
@@ -104,6 +119,7 @@ mod tests {
         score.observe(3, |n| n == "c");
         assert!(score.is_success());
         assert_eq!(score.first_steps(), [Some(1), Some(2), Some(3)]);
+        assert_eq!(score.shortcut_step(), None);
     }
 
     #[test]
@@ -114,6 +130,7 @@ mod tests {
         assert_eq!(score.outcomes(), [Reached, Skipped, Reached]);
         score.observe(3, |n| n == "b");
         assert_eq!(score.outcomes(), [Reached, Skipped, Reached]);
+        assert_eq!(score.shortcut_step(), Some(2));
         assert!(!score.is_success());
     }
 

@@ -20,7 +20,10 @@ impl Rollout<'_> {
         {
             return one;
         }
-        let places = self.filter.most_probable_places(self.options.hypotheses);
+        let places = self
+            .monitor
+            .filter()
+            .most_probable_places(self.options.hypotheses);
         let goals: Vec<(NodeId, f64)> = places
             .into_iter()
             .filter_map(|(place, weight)| {

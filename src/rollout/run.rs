@@ -2,17 +2,13 @@ use std::sync::Arc;
 
 use super::running::{Run, Watch};
 use super::{
-    Episode, EpisodeEnd, Event, RolloutError, RolloutObserver, RolloutOptions, StepRecord,
-    StepTimes,
+    Episode, EpisodeEnd, Event, Monitor, RolloutError, RolloutObserver, RolloutOptions, Sight,
+    StepRecord, StepTimes,
 };
 use crate::composer::OnShortcut;
 use crate::environment::Environment;
-use crate::graph::NodeId;
-use crate::model::{
-    ActionDistribution, Encoder, Latents, LocalPolicy, Projections, Traversability,
-};
-use crate::planner::{GoalChoice, LiveDistances, Localisation, Planner, StageChange, StageFilter};
-use crate::trajectory::State;
+use crate::model::{ActionDistribution, Encoder, Latents, LocalPolicy, Traversability};
+use crate::planner::{GoalChoice, Localisation, Planner, StageChange};
 
 /// The three parts of a learned model; one object often is all of them.
 #[derive(Clone, Copy)]
@@ -29,9 +25,7 @@ pub struct RolloutModel<'a> {
 pub struct Rollout<'a> {
     model: RolloutModel<'a>,
     pub(super) planner: Planner,
-    pub(super) filter: StageFilter,
-    projections: Projections,
-    candidates: Vec<NodeId>,
+    pub(super) monitor: Monitor<'a>,
     pub(super) options: RolloutOptions,
 }
 
@@ -45,19 +39,12 @@ impl<'a> Rollout<'a> {
         planner: Planner,
         options: RolloutOptions,
     ) -> Result<Self, RolloutError> {
-        let latents = planner.graph().latents();
-        let projections = model
-            .traversability
-            .project(latents)
-            .map_err(|source| RolloutError::Model { step: 0, source })?;
-        let filter = planner.stage_filter(options.filter.clone());
-        let candidates = filter.candidates();
+        let filter = options.filter.clone();
+        let monitor = Monitor::new(model, &planner, filter, options.near_probability)?;
         Ok(Self {
             model,
             planner,
-            filter,
-            projections,
-            candidates,
+            monitor,
             options,
         })
     }
@@ -85,7 +72,7 @@ impl<'a> Rollout<'a> {
                 model: spec.action_space.to_string(),
             });
         }
-        self.filter.reset();
+        self.monitor.reset();
         self.planner.recover(0.0);
         let first = environment
             .reset(seed)
@@ -96,12 +83,12 @@ impl<'a> Rollout<'a> {
                 break end;
             }
         };
-        observer.on_end(run.step, run.newest(), &run.pending);
+        observer.on_end(run.step, &run.newest, &run.pending);
         run.events.append(&mut run.pending);
         Ok(Episode {
             steps: run.step,
             end,
-            stage: self.filter.stage(),
+            stage: self.monitor.filter().stage(),
             events: run.events,
             lost_steps: run.lost_steps,
             times: run.times,
@@ -116,11 +103,18 @@ impl<'a> Rollout<'a> {
         observer: &mut dyn RolloutObserver,
     ) -> Result<Option<EpisodeEnd>, RolloutError> {
         let step = run.step;
+        let sight = self.monitor.look(Arc::clone(&run.newest))?;
+        let Sight {
+            latent,
+            distances,
+            localisation,
+            events,
+            encode_ms,
+            localise_ms,
+        } = sight;
+        run.distances = distances;
+        run.pending.extend(events);
         let mut watch = Watch::start();
-        let latent = self.encode(run)?;
-        let encode_ms = watch.lap_ms();
-        let localisation = self.localise(run, &latent)?;
-        let localise_ms = watch.lap_ms();
         if let Some(end) = self.note_change(run, &localisation) {
             return Ok(Some(end));
         }
@@ -151,7 +145,7 @@ impl<'a> Rollout<'a> {
         };
         let record = StepRecord {
             step,
-            observation: Arc::clone(run.newest()),
+            observation: Arc::clone(&run.newest),
             localisation,
             goal,
             distribution,
@@ -165,99 +159,30 @@ impl<'a> Rollout<'a> {
         let seen = environment
             .step(&record.action)
             .map_err(|source| RolloutError::Environment { step, source })?;
-        let before = Arc::clone(run.newest());
         run.reflex
-            .note(&classes, &before, &seen, self.options.still_levels);
-        run.see(seen, self.model.encoder.spec().stack);
+            .note(&classes, &run.newest, &seen, self.options.still_levels);
+        run.see(seen);
         Ok(None)
     }
 
-    fn encode(&self, run: &Run) -> Result<Latents, RolloutError> {
-        let state = State::from_history(&run.history, self.model.encoder.spec().stack);
-        self.model
-            .encoder
-            .encode(&[state])
-            .map_err(|source| RolloutError::Model {
-                step: run.step,
-                source,
-            })
-    }
-
-    /// The current state joins the graph, and the filter moves on.
-    fn localise(&mut self, run: &mut Run, latent: &Latents) -> Result<Localisation, RolloutError> {
-        let failed = |source| RolloutError::Model {
-            step: run.step,
-            source,
-        };
-        let traversability = self.model.traversability;
-        let current = traversability.project(latent).map_err(failed)?;
-        run.distances = LiveDistances::query(
-            traversability,
-            &self.projections,
-            &current,
-            &self.candidates,
-            self.options.near_probability,
-        )
-        .map_err(failed)?;
-        Ok(self.filter.update(&run.distances))
-    }
-
-    /// Turns what the filter noticed into events; an end, if a shortcut is one.
+    /// Goes on from the stage that the monitor sees; an end, if a shortcut is one.
     fn note_change(&mut self, run: &mut Run, localisation: &Localisation) -> Option<EpisodeEnd> {
-        let step = run.step;
-        if localisation.is_lost != run.is_lost {
-            run.is_lost = localisation.is_lost;
-            run.pending.push(if run.is_lost {
-                Event::Lost { step }
-            } else {
-                Event::Found { step }
-            });
-        }
-        run.lost_steps += usize::from(run.is_lost);
-        let confidence = |stage: usize| {
-            let beyond: f64 = localisation.stage_probabilities[stage..].iter().sum();
-            beyond as f32
-        };
-        let subgoals = self.planner.automaton().subgoals();
-        match localisation.change.clone()? {
-            StageChange::Advanced { to } => {
-                for (stage, subgoal) in (run.stage + 1..=to).zip(&subgoals[run.stage..]) {
-                    run.pending.push(Event::SubgoalReached {
-                        step,
-                        stage,
-                        subgoal: subgoal.clone(),
-                        confidence: confidence(stage),
-                    });
-                }
-                run.enter(to);
+        run.lost_steps += usize::from(localisation.is_lost);
+        match localisation.change {
+            None => None,
+            Some(StageChange::Advanced { .. } | StageChange::Regressed { .. }) => {
+                run.enter();
                 None
             }
-            StageChange::Regressed { to } => {
-                run.pending.push(Event::SetBack {
-                    step,
-                    stage: to,
-                    subgoal: subgoals[to].clone(),
-                });
-                run.enter(to);
-                None
-            }
-            StageChange::Shortcut { to, skipped } => {
-                run.pending.push(Event::Shortcut {
-                    step,
-                    subgoal: subgoals[to - 1].clone(),
-                    skipped: skipped.iter().map(|s| subgoals[*s].clone()).collect(),
-                    confidence: confidence(to),
-                });
-                match self.options.on_shortcut {
-                    OnShortcut::Replan => None,
-                    OnShortcut::Stop => Some(EpisodeEnd::Shortcut),
-                    OnShortcut::Report => {
-                        self.filter.set_stage(to);
-                        run.enter(to);
-                        None
-                    }
+            Some(StageChange::Shortcut { to, .. }) => match self.options.on_shortcut {
+                OnShortcut::Replan => None,
+                OnShortcut::Stop => Some(EpisodeEnd::Shortcut),
+                OnShortcut::Report => {
+                    self.monitor.accept_stage(to);
+                    run.enter();
+                    None
                 }
-            }
+            },
         }
     }
 

@@ -12,11 +12,9 @@ use crate::trajectory::Observation;
 /// What changes during an episode.
 pub(super) struct Run {
     pub(super) step: usize,
-    pub(super) history: Vec<Arc<Observation>>,
+    pub(super) newest: Arc<Observation>,
     pub(super) distances: LiveDistances,
-    pub(super) stage: usize,
     pub(super) stage_step: usize,
-    pub(super) is_lost: bool,
     pub(super) lost_steps: usize,
     pub(super) least_cost: f64,
     pub(super) progress_step: usize,
@@ -31,11 +29,9 @@ impl Run {
     pub(super) fn new(first: Observation, seed: u64) -> Self {
         Self {
             step: 0,
-            history: vec![Arc::new(first)],
+            newest: Arc::new(first),
             distances: LiveDistances::unknown(0, 1),
-            stage: 0,
             stage_step: 0,
-            is_lost: false,
             lost_steps: 0,
             least_cost: f64::INFINITY,
             progress_step: 0,
@@ -47,24 +43,16 @@ impl Run {
         }
     }
 
-    pub(super) fn newest(&self) -> &Arc<Observation> {
-        &self.history[self.history.len() - 1]
-    }
-
     /// A new stage: cost-to-go starts afresh.
-    pub(super) fn enter(&mut self, stage: usize) {
-        self.stage = stage;
+    pub(super) fn enter(&mut self) {
         self.stage_step = self.step;
         self.least_cost = f64::INFINITY;
         self.progress_step = self.step;
     }
 
-    /// Keeps as many observations as a state needs.
-    pub(super) fn see(&mut self, observation: Observation, stack: usize) {
+    pub(super) fn see(&mut self, observation: Observation) {
         self.step += 1;
-        self.history.push(Arc::new(observation));
-        let excess = self.history.len().saturating_sub(stack.max(1));
-        self.history.drain(..excess);
+        self.newest = Arc::new(observation);
     }
 }
 

@@ -1,0 +1,195 @@
+use std::fmt::Write as _;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::arguments::{Arguments, EvaluateArguments};
+use super::error::CliError;
+use super::loaded::Loaded;
+use super::progress;
+use crate::experiment::{ScoredBedroom, ShortcutDetection, Watched};
+use crate::planner::{Planner, PlannerOptions};
+use crate::rollout::{Monitor, Rollout};
+use crate::simulator::{Bedroom, BedroomConfig};
+
+/// The target of `catena evaluate` that stands for this evaluation.
+pub(super) const TARGET: &str = "shortcuts";
+/// What is run where no composition is named.
+const COMPOSITION: &str = "tasks/sequences/sock_then_trash.yaml";
+
+/// What drives the robot while the monitor watches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Drive {
+    /// The composition, with subgoals in order.
+    InOrder,
+    /// The paper's way: the shortest path over the merged graph.
+    PapersWay,
+    /// The last task alone from where the first one starts: a shortcut that is provoked.
+    LastTask,
+}
+
+impl Drive {
+    const ALL: [Self; 3] = [Self::InOrder, Self::PapersWay, Self::LastTask];
+
+    const fn described(self) -> &'static str {
+        match self {
+            Self::InOrder => "subgoals in order",
+            Self::PapersWay => "the paper's way",
+            Self::LastTask => "the last task alone",
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct ShortcutEpisode {
+    seed: u64,
+    drive: Drive,
+    steps: usize,
+    /// The first step at which a subgoal held before an earlier one had.
+    shortcut_step: Option<usize>,
+    /// The first step at which the monitor flagged a shortcut.
+    flagged_step: Option<usize>,
+}
+
+#[derive(Serialize)]
+struct DriveReport {
+    drive: Drive,
+    episodes: usize,
+    #[serde(flatten)]
+    detection: ShortcutDetection,
+}
+
+/// How well the monitor finds shortcuts.
+#[derive(Serialize)]
+struct ShortcutEvaluation {
+    name: String,
+    seed: u64,
+    episodes: usize,
+    #[serde(flatten)]
+    detection: ShortcutDetection,
+    drives: Vec<DriveReport>,
+    engine: String,
+    results: Vec<ShortcutEpisode>,
+}
+
+/// `catena evaluate shortcuts`: a third of the episodes each way of driving, all watched by one kind of
+/// monitor, which sees images alone.
+pub(super) fn evaluate_shortcuts(
+    evaluate_arguments: &EvaluateArguments,
+    arguments: &Arguments,
+) -> Result<(), CliError> {
+    let composition = evaluate_arguments.composition.as_deref();
+    let loaded = Loaded::load(composition.unwrap_or(COMPOSITION), arguments)?;
+    let last = loaded.composition.automaton.tasks().last().cloned();
+    let alone = Loaded::load(&last.unwrap_or_default(), arguments)?;
+    let stage = Stage {
+        bedroom: BedroomConfig {
+            level: evaluate_arguments.level.into(),
+            ..loaded.bedroom()?
+        },
+        in_order: loaded.planner(loaded.composition.planner.clone())?,
+        papers_way: loaded.planner(PlannerOptions::paper())?,
+        last_task: alone.planner(alone.composition.planner.clone())?,
+        loaded: &loaded,
+        alone: &alone,
+    };
+    let episodes = evaluate_arguments.episodes as u64;
+    let bar = progress::bar("watching", episodes);
+    let results: Vec<ShortcutEpisode> = (0..episodes)
+        .into_par_iter()
+        .map(|k| {
+            let drive = Drive::ALL[k as usize % Drive::ALL.len()];
+            let episode = stage.episode(evaluate_arguments.seed + k, drive)?;
+            bar.inc(1);
+            Ok(episode)
+        })
+        .collect::<Result<_, CliError>>()?;
+    bar.finish_and_clear();
+    let report = ShortcutEvaluation {
+        name: loaded.composition.name.clone(),
+        seed: evaluate_arguments.seed,
+        episodes: results.len(),
+        detection: detection(results.iter()),
+        drives: Drive::ALL.iter().map(|d| of_drive(*d, &results)).collect(),
+        engine: loaded.model.engine().description().to_owned(),
+        results,
+    };
+    if evaluate_arguments.json {
+        println!("{}", serde_json::to_string_pretty(&report)?);
+    } else {
+        print!("{}", described(&report));
+    }
+    Ok(())
+}
+
+/// What all episodes share.
+struct Stage<'a> {
+    bedroom: BedroomConfig,
+    in_order: Planner,
+    papers_way: Planner,
+    last_task: Planner,
+    loaded: &'a Loaded,
+    alone: &'a Loaded,
+}
+
+impl Stage<'_> {
+    fn episode(&self, seed: u64, drive: Drive) -> Result<ShortcutEpisode, CliError> {
+        let (driver, planner) = match drive {
+            Drive::InOrder => (self.loaded, &self.in_order),
+            Drive::PapersWay => (self.loaded, &self.papers_way),
+            Drive::LastTask => (self.alone, &self.last_task),
+        };
+        let options = driver.rollout_options();
+        let mut watched = Watched::new(Monitor::new(
+            self.loaded.rollout_model(),
+            &self.in_order,
+            options.filter.clone(),
+            options.near_probability,
+        )?);
+        let automaton = &self.loaded.composition.automaton;
+        let mut room = ScoredBedroom::new(Bedroom::new(self.bedroom), automaton);
+        let mut rollout = Rollout::new(driver.rollout_model(), planner.clone(), options)?;
+        let episode = rollout.run(&mut room, seed, &mut watched)?;
+        Ok(ShortcutEpisode {
+            seed,
+            drive,
+            steps: episode.steps,
+            shortcut_step: room.score().shortcut_step(),
+            flagged_step: watched.flagged_step()?,
+        })
+    }
+}
+
+fn detection<'a>(episodes: impl Iterator<Item = &'a ShortcutEpisode>) -> ShortcutDetection {
+    ShortcutDetection::new(episodes.map(|e| (e.shortcut_step, e.flagged_step)))
+}
+
+fn of_drive(drive: Drive, results: &[ShortcutEpisode]) -> DriveReport {
+    let episodes = || results.iter().filter(move |e| e.drive == drive);
+    DriveReport {
+        drive,
+        episodes: episodes().count(),
+        detection: detection(episodes()),
+    }
+}
+
+fn described(report: &ShortcutEvaluation) -> String {
+    let percent = |share: Option<f64>| {
+        share.map_or_else(|| "none".to_owned(), |s| format!("{:.0} %", 100.0 * s))
+    };
+    let mut text = format!(
+        "{}: {} episodes from seed {}; precision {}, recall {}\n  {}\n",
+        report.name,
+        report.episodes,
+        report.seed,
+        percent(report.detection.precision),
+        percent(report.detection.recall),
+        report.detection
+    );
+    for part in &report.drives {
+        let (what, found) = (part.drive.described(), &part.detection);
+        _ = writeln!(text, "  {what} ({} episodes): {found}", part.episodes);
+    }
+    text
+}

@@ -1,0 +1,268 @@
+use std::sync::Arc;
+
+use super::running::Watch;
+use super::{Event, RolloutError, RolloutModel};
+use crate::graph::NodeId;
+use crate::model::{Latents, Projections};
+use crate::planner::{
+    FilterOptions, LiveDistances, Localisation, Planner, StageChange, StageFilter,
+};
+use crate::task::Subgoal;
+use crate::trajectory::{Observation, State};
+
+/// Watches a robot along a composition, from images alone, whoever drives it: says which subgoals it
+/// reached, and flags a shortcut.
+///
+/// [`Rollout`](super::Rollout) has one for the robot that it drives.
+pub struct Monitor<'a> {
+    model: RolloutModel<'a>,
+    filter: StageFilter,
+    projections: Projections,
+    candidates: Vec<NodeId>,
+    subgoals: Vec<Subgoal>,
+    near_probability: f32,
+    history: Vec<Arc<Observation>>,
+    step: usize,
+    is_lost: bool,
+}
+
+/// What a monitor made of one observation.
+#[derive(Clone, Debug)]
+pub struct Sight {
+    /// The latent of the current state: one row.
+    pub latent: Latents,
+    /// Predicted steps between the current state and those of the graph.
+    pub distances: LiveDistances,
+    /// Where the robot is believed to be.
+    pub localisation: Localisation,
+    /// What happened.
+    pub events: Vec<Event>,
+    /// Time from images to the latent, in milliseconds.
+    pub encode_ms: f64,
+    /// Time for distances and filter, in milliseconds.
+    pub localise_ms: f64,
+}
+
+impl<'a> Monitor<'a> {
+    /// A monitor for the composition of a planner. `near_probability` is the least probability (0..=1)
+    /// that a state is near for distances back from it to be asked for.
+    ///
+    /// # Errors
+    /// [`RolloutError::Model`] when the graph's latents are not the model's.
+    pub fn new(
+        model: RolloutModel<'a>,
+        planner: &Planner,
+        options: FilterOptions,
+        near_probability: f32,
+    ) -> Result<Self, RolloutError> {
+        let latents = planner.graph().latents();
+        let projections = model
+            .traversability
+            .project(latents)
+            .map_err(|source| RolloutError::Model { step: 0, source })?;
+        let filter = planner.stage_filter(options);
+        let candidates = filter.candidates();
+        Ok(Self {
+            model,
+            filter,
+            projections,
+            candidates,
+            subgoals: planner.automaton().subgoals().to_vec(),
+            near_probability,
+            history: Vec::new(),
+            step: 0,
+            is_lost: false,
+        })
+    }
+
+    /// Forgets all that it saw, for a new episode.
+    pub fn reset(&mut self) {
+        self.filter.reset();
+        self.history.clear();
+        self.step = 0;
+        self.is_lost = false;
+    }
+
+    /// The belief and the stage.
+    #[must_use]
+    pub fn filter(&self) -> &StageFilter {
+        &self.filter
+    }
+
+    /// Takes the robot to be at a stage from now on, as after a shortcut that is to be left as it is.
+    ///
+    /// # Panics
+    /// If the composition has no such stage.
+    pub fn accept_stage(&mut self, stage: usize) {
+        self.filter.set_stage(stage);
+    }
+
+    /// The next observation, one time step after the last one.
+    ///
+    /// # Errors
+    /// [`RolloutError::Model`] when a network gives no answer.
+    pub fn look(&mut self, observation: Arc<Observation>) -> Result<Sight, RolloutError> {
+        let step = self.step;
+        let failed = |source| RolloutError::Model { step, source };
+        let mut watch = Watch::start();
+        let stack = self.model.encoder.spec().stack;
+        self.history.push(observation);
+        let excess = self.history.len().saturating_sub(stack.max(1));
+        self.history.drain(..excess);
+        let state = State::from_history(&self.history, stack);
+        let latent = self.model.encoder.encode(&[state]).map_err(failed)?;
+        let encode_ms = watch.lap_ms();
+        let current = self.model.traversability.project(&latent).map_err(failed)?;
+        let distances = LiveDistances::query(
+            self.model.traversability,
+            &self.projections,
+            &current,
+            &self.candidates,
+            self.near_probability,
+        )
+        .map_err(failed)?;
+        let before = self.filter.stage();
+        let localisation = self.filter.update(&distances);
+        let events = self.events(before, &localisation);
+        self.is_lost = localisation.is_lost;
+        self.step += 1;
+        Ok(Sight {
+            latent,
+            distances,
+            localisation,
+            events,
+            encode_ms,
+            localise_ms: watch.lap_ms(),
+        })
+    }
+
+    /// What the filter noticed, in words; the stage was `before`.
+    fn events(&self, before: usize, localisation: &Localisation) -> Vec<Event> {
+        let step = self.step;
+        let mut events = Vec::new();
+        if localisation.is_lost != self.is_lost {
+            events.push(if localisation.is_lost {
+                Event::Lost { step }
+            } else {
+                Event::Found { step }
+            });
+        }
+        let confidence = |stage: usize| {
+            let beyond: f64 = localisation.stage_probabilities[stage..].iter().sum();
+            beyond as f32
+        };
+        let subgoals = &self.subgoals;
+        match &localisation.change {
+            None => {}
+            Some(StageChange::Advanced { to }) => {
+                let reached = (before + 1..=*to).zip(&subgoals[before..]);
+                events.extend(reached.map(|(stage, subgoal)| Event::SubgoalReached {
+                    step,
+                    stage,
+                    subgoal: subgoal.clone(),
+                    confidence: confidence(stage),
+                }));
+            }
+            Some(StageChange::Regressed { to }) => events.push(Event::SetBack {
+                step,
+                stage: *to,
+                subgoal: subgoals[*to].clone(),
+            }),
+            Some(StageChange::Shortcut { to, skipped }) => events.push(Event::Shortcut {
+                step,
+                subgoal: subgoals[to - 1].clone(),
+                skipped: skipped.iter().map(|s| subgoals[*s].clone()).collect(),
+                confidence: confidence(*to),
+            }),
+        }
+        events
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::graph::TopologicalGraph;
+    use crate::graph::fakes::{Oracle, PixelEncoder, add_demonstration, task};
+    use crate::model::{ActionDistribution, LocalPolicy, ModelError};
+    use crate::planner::{FinalChoice, PlannerOptions};
+    use crate::task::Automaton;
+    use crate::trajectory::Image;
+
+    /// Somebody else drives.
+    struct Nobody;
+
+    impl LocalPolicy for Nobody {
+        fn act(&self, _: &[f32], _: &[f32]) -> Result<ActionDistribution, ModelError> {
+            unreachable!("a monitor does not act")
+        }
+    }
+
+    /// What a monitor says of a robot that is seen at these positions of a corridor, in which three
+    /// demonstrations reach subgoals at 8, 16 and 24.
+    fn told(positions: impl IntoIterator<Item = u8>) -> Vec<Event> {
+        let walk = task("walk", &["first", "second", "third"]);
+        let mut graph = TopologicalGraph::new(3, 5);
+        for aside in 0..3 {
+            let place = |x: u8| vec![f32::from(x), 0.1 * aside as f32, 0.0];
+            let places: Vec<Vec<f32>> = (0..25).map(place).collect();
+            add_demonstration(&mut graph, &walk, &aside.to_string(), &places, &[8, 16, 24]);
+        }
+        let planner = Planner::new(
+            Arc::new(graph),
+            &Automaton::in_order(&[walk]),
+            &FinalChoice::Cheapest,
+            PlannerOptions::default(),
+        )
+        .expect("the corridor has a composition");
+        let oracle = Oracle::new(5, |a, b| {
+            let ahead = (b[0] - a[0]).round();
+            (ahead >= 0.0).then_some(ahead as u32)
+        });
+        let model = RolloutModel {
+            encoder: &PixelEncoder::new(5),
+            traversability: &oracle,
+            policy: &Nobody,
+        };
+        let mut monitor = Monitor::new(model, &planner, FilterOptions::default(), 0.0)
+            .expect("the graph is of the oracle");
+        let mut events = Vec::new();
+        for x in positions {
+            let image = Image::new(1, 1, vec![x, 0, 0]).expect("one pixel");
+            let observation = Observation::new([("eye".to_owned(), image)]);
+            let sight = monitor.look(Arc::new(observation));
+            events.extend(sight.expect("the oracle knows all").events);
+        }
+        events
+    }
+
+    #[test]
+    fn a_walk_reaches_every_subgoal_in_order() {
+        let reached: Vec<String> = told((0..25).chain([24; 4]))
+            .into_iter()
+            .map(|event| match event {
+                Event::SubgoalReached { subgoal, .. } => subgoal.name,
+                other => other.to_string(),
+            })
+            .collect();
+        assert_eq!(reached, ["first", "second", "third"]);
+    }
+
+    #[test]
+    fn a_robot_beyond_what_it_never_reached_is_flagged_once() {
+        let events = told((0..4).chain(18..22).chain([22; 12]));
+        let flagged: Vec<(&str, Vec<&str>)> = events
+            .iter()
+            .filter_map(|event| match event {
+                Event::Shortcut {
+                    subgoal, skipped, ..
+                } => {
+                    let names = skipped.iter().map(|s| s.name.as_str());
+                    Some((subgoal.name.as_str(), names.collect()))
+                }
+                _ => None,
+            })
+            .collect();
+        assert_eq!(flagged, [("second", vec!["first"])], "{events:?}");
+    }
+}
