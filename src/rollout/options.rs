@@ -31,6 +31,9 @@ pub struct RolloutOptions {
     /// An action after which no patch of any camera changed so much is taken to have had no effect,
     /// and is not tried again until something moves.
     pub still_levels: f32,
+    /// Least probability (0..=1) of an action that takes the place of one that had no effect. Where
+    /// nothing else is so probable, the robot undoes what had no effect, and tries from there.
+    pub least_substitute: f32,
     /// Steps for which the last stage must last until a run that never gets to a final state ends.
     pub settle_steps: usize,
 }
@@ -48,6 +51,7 @@ impl Default for RolloutOptions {
             penalty_steps: 4.0,
             penalty_keep: 0.97,
             still_levels: 4.0,
+            least_substitute: 0.25,
             settle_steps: 12,
         }
     }

@@ -2,7 +2,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 use crate::model::ActionDistribution;
-use crate::trajectory::{Image, Observation};
+use crate::trajectory::{ActionSpace, Image, Observation};
 
 /// Keeps a robot from trying what just had no effect: an arm at its limit, a base against furniture.
 ///
@@ -11,9 +11,18 @@ use crate::trajectory::{Image, Observation};
 #[derive(Clone, Debug, Default)]
 pub(super) struct Reflex {
     ruled_out: Vec<Vec<usize>>,
+    /// For each class of a space of primitives, the one that undoes it.
+    opposites: Vec<Option<usize>>,
 }
 
 impl Reflex {
+    pub(super) fn new(space: &ActionSpace) -> Self {
+        Self {
+            ruled_out: Vec::new(),
+            opposites: space.opposites(),
+        }
+    }
+
     /// Notes what `tried` did: nothing, if no part of an image changed by `still_levels`.
     pub(super) fn note(
         &mut self,
@@ -30,16 +39,33 @@ impl Reflex {
     }
 
     /// The most probable classes that are not ruled out; the most probable ones if nothing is left.
+    /// Where all that is left is less probable than `least_substitute`, what undoes the one that had no
+    /// effect: a hand that is stopped on its way is in the wrong place, and the next best class, such as
+    /// closing the gripper there, is a guess.
+    ///
     /// Only spaces with one head (primitives) have something ruled out: with several, the most
     /// probable classes always stand.
-    pub(super) fn choose(&self, distribution: &ActionDistribution) -> Vec<usize> {
+    pub(super) fn choose(
+        &self,
+        distribution: &ActionDistribution,
+        least_substitute: f32,
+    ) -> Vec<usize> {
         let best = distribution.most_probable();
-        let [head] = &distribution.heads[..] else {
+        let ([head], [wanted]) = (&distribution.heads[..], &best[..]) else {
             return best;
         };
-        self.allowed(head.len())
-            .max_by(|a, b| head[*a].total_cmp(&head[*b]).then(b.cmp(a)))
-            .map_or(best, |class| vec![class])
+        let substitute = self
+            .allowed(head.len())
+            .max_by(|a, b| head[*a].total_cmp(&head[*b]).then(b.cmp(a)));
+        let undoes = self.opposites.get(*wanted).copied().flatten();
+        let undoes = undoes.filter(|class| self.allowed(head.len()).any(|a| a == *class));
+        match (substitute, undoes) {
+            (Some(class), Some(back)) if class != *wanted && head[class] < least_substitute => {
+                vec![back]
+            }
+            (Some(class), _) => vec![class],
+            (None, _) => best,
+        }
     }
 
     /// Classes drawn by their probabilities, with what is ruled out left out: a robot that does the
@@ -59,7 +85,7 @@ impl Reflex {
                 lot -= head[*class];
                 lot <= 0.0
             })
-            .map_or_else(|| self.choose(distribution), |class| vec![class])
+            .map_or_else(|| self.choose(distribution, 0.0), |class| vec![class])
     }
 
     fn allowed(&self, classes: usize) -> impl Iterator<Item = usize> {
@@ -116,15 +142,36 @@ mod tests {
             heads: vec![vec![0.2, 0.5, 0.3]],
         };
         let mut reflex = Reflex::default();
-        assert_eq!(reflex.choose(&policy), [1]);
+        assert_eq!(reflex.choose(&policy, 0.0), [1]);
         reflex.note(&[1], &grey(10), &grey(11), 2.0);
-        assert_eq!(reflex.choose(&policy), [2]);
+        assert_eq!(reflex.choose(&policy, 0.0), [2]);
         reflex.note(&[2], &grey(11), &grey(11), 2.0);
-        assert_eq!(reflex.choose(&policy), [0]);
+        assert_eq!(reflex.choose(&policy, 0.0), [0]);
         reflex.note(&[0], &grey(11), &grey(11), 2.0);
-        assert_eq!(reflex.choose(&policy), [1], "nothing is left: try again");
+        assert_eq!(
+            reflex.choose(&policy, 0.0),
+            [1],
+            "nothing is left: try again"
+        );
         reflex.note(&[1], &grey(11), &grey(90), 2.0);
-        assert_eq!(reflex.choose(&policy), [1]);
+        assert_eq!(reflex.choose(&policy, 0.0), [1]);
+    }
+
+    #[test]
+    fn an_improbable_substitute_gives_way_to_what_undoes_the_blocked_class() {
+        let names = ["hand_down", "gripper_close", "hand_up"].map(str::to_owned);
+        let mut reflex = Reflex::new(&ActionSpace::Primitives {
+            names: names.to_vec(),
+        });
+        let policy = |close: f32| ActionDistribution {
+            heads: vec![vec![0.6, close, 0.4 - close]],
+        };
+        assert_eq!(reflex.choose(&policy(0.2), 0.25), [0]);
+        reflex.note(&[0], &grey(10), &grey(10), 2.0);
+        assert_eq!(reflex.choose(&policy(0.3), 0.25), [1]);
+        assert_eq!(reflex.choose(&policy(0.2), 0.25), [2]);
+        reflex.note(&[2], &grey(10), &grey(10), 2.0);
+        assert_eq!(reflex.choose(&policy(0.2), 0.25), [1], "up is blocked too");
     }
 
     #[test]

@@ -77,7 +77,7 @@ impl<'a> Rollout<'a> {
         let first = environment
             .reset(seed)
             .map_err(|source| RolloutError::Environment { step: 0, source })?;
-        let mut run = Run::new(first, seed);
+        let mut run = Run::new(first, seed, &spec.action_space);
         let end = loop {
             if let Some(end) = self.step(&mut run, environment, observer)? {
                 break end;
@@ -233,7 +233,8 @@ impl<'a> Rollout<'a> {
         let classes = if is_stuck {
             run.reflex.draw(&distribution, &mut run.rng)
         } else {
-            run.reflex.choose(&distribution)
+            run.reflex
+                .choose(&distribution, self.options.least_substitute)
         };
         Ok((distribution, classes))
     }

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use super::reflex::Reflex;
 use super::{Event, StepTimes};
 use crate::planner::LiveDistances;
-use crate::trajectory::Observation;
+use crate::trajectory::{ActionSpace, Observation};
 
 /// What changes during an episode.
 pub(super) struct Run {
@@ -26,7 +26,7 @@ pub(super) struct Run {
 }
 
 impl Run {
-    pub(super) fn new(first: Observation, seed: u64) -> Self {
+    pub(super) fn new(first: Observation, seed: u64, space: &ActionSpace) -> Self {
         Self {
             step: 0,
             newest: Arc::new(first),
@@ -35,7 +35,7 @@ impl Run {
             lost_steps: 0,
             least_cost: f64::INFINITY,
             progress_step: 0,
-            reflex: Reflex::default(),
+            reflex: Reflex::new(space),
             rng: ChaCha8Rng::seed_from_u64(seed),
             pending: Vec::new(),
             events: Vec::new(),

@@ -45,7 +45,7 @@ impl Default for Habits {
             overshoot: 0.08,
             hesitation: 0.015,
             missed_grasp: 0.6,
-            missed_from_above: 0.8,
+            missed_from_above: 0.7,
             late_notice: 0.3,
             slip: 0.06,
             slip_again: 0.35,
@@ -62,6 +62,7 @@ pub struct Operator {
     overshoot_due: bool,
     turned: Option<Primitive>,
     misjudged: Option<Misjudgement>,
+    is_misled: bool,
     late_retreats: u32,
     retreats_due: u32,
     last: Option<(Primitive, Insight)>,
@@ -101,6 +102,7 @@ impl Operator {
             overshoot_due: false,
             turned: None,
             misjudged: None,
+            is_misled: false,
             late_retreats: 0,
             retreats_due: 0,
             last: None,
@@ -192,6 +194,7 @@ impl Operator {
     fn enter_stage(&mut self) {
         self.overshoot_due = self.rng.random_bool(self.habits.overshoot);
         self.late_retreats = 0;
+        self.is_misled = false;
         self.misjudged = match self.stages.get(self.current) {
             // A handle is hard to miss.
             Some(Stage::Grasp(grasp)) if grasp.thing != Graspable::Drawer => {
@@ -260,7 +263,14 @@ impl Operator {
             self.retreats_due -= 1;
             return Some(grasp.retreat(insight));
         }
+        // The place is misjudged at the last moment, so that the way there is worth learning.
+        self.is_misled |= grasp.is_over(insight);
         let misjudged = self.misjudged.unwrap_or_default();
+        let misjudged = if self.is_misled || !grasp.from_above {
+            misjudged
+        } else {
+            Misjudgement::default()
+        };
         let approach = grasp.next(insight, &misjudged);
         Some(approach.unwrap_or(Primitive::GripperClose))
     }

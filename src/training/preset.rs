@@ -59,7 +59,7 @@ fn bedroom() -> TrainingConfig {
     config.sampling.aligned_share = 0.5;
     config.sampling.aligned_policy_share = 0.85;
     config.imitation.missed_grasp_steps = 6;
-    config.imitation.lead_steps = 8;
+    config.imitation.lead_steps = 6;
     config
 }
 

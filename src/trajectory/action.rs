@@ -71,7 +71,33 @@ pub enum ActionSpace {
     },
 }
 
+/// The word that says the other direction; the word itself where it says none.
+fn opposite_word(word: &str) -> &str {
+    const PAIRS: [(&str, &str); 3] = [("up", "down"), ("left", "right"), ("forward", "backward")];
+    let other = |(a, b): &(&'static str, &'static str)| match word {
+        _ if word == *a => Some(*b),
+        _ if word == *b => Some(*a),
+        _ => None,
+    };
+    PAIRS.iter().find_map(other).unwrap_or(word)
+}
+
 impl ActionSpace {
+    /// For each primitive the one that undoes it, by its name: `up` and `down`, `left` and `right`,
+    /// `forward` and `backward`, as one of the words that `_` joins. Empty for continuous actions.
+    #[must_use]
+    pub fn opposites(&self) -> Vec<Option<usize>> {
+        let Self::Primitives { names } = self else {
+            return Vec::new();
+        };
+        let opposite = |name: &String| {
+            let words: Vec<&str> = name.split('_').map(opposite_word).collect();
+            let other = words.join("_");
+            names.iter().position(|n| *n == other && n != name)
+        };
+        names.iter().map(opposite).collect()
+    }
+
     /// How many classes each head of a policy has: one head for primitives, one a dimension for
     /// binned actions, none for a space that is not binned yet.
     #[must_use]

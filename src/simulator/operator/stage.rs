@@ -197,30 +197,42 @@ impl Grasp {
         }
     }
 
-    /// A place to try it where it will fail.
+    /// How to try it so that it fails.
     pub(super) fn misjudged(&self, rng: &mut ChaCha8Rng) -> Misjudgement {
         let right = Misjudgement::default();
-        let steps = |rng: &mut ChaCha8Rng, least: u8, most: u8| {
-            let steps = f32::from(rng.random_range(least..=most)) * TOOL_STEP_M;
-            if rng.random_bool(0.5) { steps } else { -steps }
-        };
-        if rng.random_bool(0.3) {
+        if !self.from_above || rng.random_bool(0.5) {
             let early_steps = rng.random_range(2..=3);
             return Misjudgement {
                 early_steps,
                 ..right
             };
         }
-        if !self.from_above {
-            let left_m = steps(rng, 3, 4);
-            return Misjudgement { left_m, ..right };
-        }
+        let aside_m = 2.0 * TOOL_STEP_M;
+        let off_m = if rng.random_bool(0.5) {
+            aside_m
+        } else {
+            -aside_m
+        };
         if rng.random_bool(0.5) {
-            let left_m = steps(rng, 2, 2);
-            return Misjudgement { left_m, ..right };
+            let left_m = off_m;
+            Misjudgement { left_m, ..right }
+        } else {
+            let beyond_m = off_m;
+            Misjudgement { beyond_m, ..right }
         }
-        let beyond_m = steps(rng, 2, 3);
-        Misjudgement { beyond_m, ..right }
+    }
+
+    /// Whether the hand is over the thing, as far as its steps allow, and not yet low.
+    pub(super) fn is_over(&self, insight: &Insight) -> bool {
+        let [ahead, left] = self.target.relative_to_base(insight);
+        let tool = &insight.tool;
+        let off = (ahead - self.short_m - tool.x_m)
+            .abs()
+            .max((left - tool.y_m).abs());
+        let height = tool.z_m - self.target.place(insight)[2] - self.above_m;
+        off <= TOOL_TOLERANCE_M
+            && (CLOSE_ABOVE_M - TOOL_TOLERANCE_M..=CLOSE_ABOVE_M + TOOL_TOLERANCE_M)
+                .contains(&height)
     }
 
     /// The next primitive of the approach, `None` when it is time to close the gripper.
