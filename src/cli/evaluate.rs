@@ -5,7 +5,7 @@ use super::error::CliError;
 use super::loaded::Loaded;
 use super::{progress, shortcuts};
 use crate::experiment::{EpisodeResult, Evaluation, ScoredBedroom};
-use crate::planner::{PlannerOptions, Search};
+use crate::planner::PlannerOptions;
 use crate::rollout::Rollout;
 use crate::simulator::{Bedroom, BedroomConfig};
 
@@ -18,29 +18,18 @@ pub(super) fn evaluate(
         return shortcuts::evaluate_shortcuts(evaluate_arguments, arguments);
     }
     let loaded = Loaded::load(&evaluate_arguments.target, arguments)?;
-    let bedroom = BedroomConfig {
-        level: evaluate_arguments.level.into(),
-        ..loaded.bedroom()?
-    };
+    let bedroom = bedroom(&loaded, evaluate_arguments)?;
     let planner = loaded.planner(options(&loaded, evaluate_arguments.planner))?;
-    let episodes = evaluate_arguments.episodes as u64;
-    let bar = progress::bar("evaluating", episodes);
-    let seeds: Vec<u64> = (0..episodes).map(|k| evaluate_arguments.seed + k).collect();
-    let results: Vec<EpisodeResult> = seeds
-        .into_par_iter()
-        .map(|seed| {
-            let mut room = ScoredBedroom::new(Bedroom::new(bedroom), &loaded.composition.automaton);
-            let mut rollout = Rollout::new(
-                loaded.rollout_model(),
-                planner.clone(),
-                loaded.rollout_options(),
-            )?;
-            let episode = rollout.run(&mut room, seed, &mut ())?;
-            bar.inc(1);
-            Ok(EpisodeResult::new(seed, &episode, room.score()))
-        })
-        .collect::<Result<_, CliError>>()?;
-    bar.finish_and_clear();
+    let results = episodes("evaluating", evaluate_arguments, |seed| {
+        let mut room = ScoredBedroom::new(Bedroom::new(bedroom), &loaded.composition.automaton);
+        let mut rollout = Rollout::new(
+            loaded.rollout_model(),
+            planner.clone(),
+            loaded.rollout_options(),
+        )?;
+        let episode = rollout.run(&mut room, seed, &mut ())?;
+        Ok(EpisodeResult::new(seed, &episode, room.score()))
+    })?;
     let subgoals: Vec<String> = loaded
         .composition
         .automaton
@@ -65,12 +54,41 @@ pub(super) fn evaluate(
     Ok(())
 }
 
+/// The bedroom of a composition at the level that is asked for.
+pub(super) fn bedroom(
+    loaded: &Loaded,
+    evaluate_arguments: &EvaluateArguments,
+) -> Result<BedroomConfig, CliError> {
+    Ok(BedroomConfig {
+        level: evaluate_arguments.level.into(),
+        ..loaded.bedroom()?
+    })
+}
+
+/// Runs as many episodes as are asked for, each on a seed of its own, side by side on all cores with a
+/// bar of that name; the results are in the order of the seeds.
+pub(super) fn episodes<T: Send>(
+    name: &'static str,
+    evaluate_arguments: &EvaluateArguments,
+    episode: impl Fn(u64) -> Result<T, CliError> + Sync,
+) -> Result<Vec<T>, CliError> {
+    let count = evaluate_arguments.episodes as u64;
+    let bar = progress::bar(name, count);
+    let results = (0..count)
+        .into_par_iter()
+        .map(|k| {
+            let result = episode(evaluate_arguments.seed + k)?;
+            bar.inc(1);
+            Ok(result)
+        })
+        .collect::<Result<_, CliError>>()?;
+    bar.finish_and_clear();
+    Ok(results)
+}
+
 fn options(loaded: &Loaded, planner: PlannerArgument) -> PlannerOptions {
     match planner {
         PlannerArgument::InOrder => loaded.composition.planner.clone(),
-        PlannerArgument::Unconstrained => PlannerOptions {
-            search: Search::Unconstrained,
-            ..PlannerOptions::paper()
-        },
+        PlannerArgument::Unconstrained => PlannerOptions::paper(),
     }
 }

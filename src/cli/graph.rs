@@ -213,10 +213,10 @@ fn tasks_of(manifest: &GraphManifest) -> impl Iterator<Item = Task> {
 fn show(arguments: &GraphShowArguments) -> Result<(), CliError> {
     let (graph, manifest) = load_graph(&arguments.graph)?;
     let statistics = GraphStatistics::new(&graph, LISTED_EDGES);
-    let tasks: Vec<Task> = tasks_of(&manifest).collect();
-    let found = arguments
-        .suspects
-        .then(|| suspects(&graph, &tasks, SUSPICIOUS_GAIN_STEPS));
+    let found = arguments.suspects.then(|| {
+        let tasks: Vec<Task> = tasks_of(&manifest).collect();
+        suspects(&graph, &tasks, SUSPICIOUS_GAIN_STEPS)
+    });
     if arguments.json {
         let report = GraphReport {
             statistics,

@@ -11,7 +11,7 @@ use crate::graph::{
     CrossTaskCandidates, GraphProgress, MergeOptions, MergeReport, TopologicalGraph, merge,
 };
 use crate::inference::{EngineChoice, Model};
-use crate::planner::{Plan, Planner, PlannerOptions, Search};
+use crate::planner::{Plan, Planner, PlannerOptions};
 use crate::rollout::{RolloutModel, RolloutOptions};
 use crate::simulator::BedroomConfig;
 use crate::storage::{GraphImages, GraphManifest, ensure_same_model, load_graph};
@@ -113,10 +113,7 @@ impl Loaded {
 
     /// What the paper would plan, to be audited; none where it finds no way.
     pub(super) fn paper_plan(&self) -> Result<Option<(Planner, Plan)>, CliError> {
-        let planner = self.planner(PlannerOptions {
-            search: Search::Unconstrained,
-            ..PlannerOptions::paper()
-        })?;
+        let planner = self.planner(PlannerOptions::paper())?;
         let plan = planner.plan_from_start().ok();
         Ok(plan.map(|plan| (planner, plan)))
     }

@@ -1,12 +1,11 @@
 use std::fmt::Write as _;
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::arguments::{Arguments, EvaluateArguments};
 use super::error::CliError;
+use super::evaluate::{bedroom, episodes};
 use super::loaded::Loaded;
-use super::progress;
 use crate::experiment::{ScoredBedroom, ShortcutDetection, Watched};
 use crate::planner::{Planner, PlannerOptions};
 use crate::rollout::{Monitor, Rollout};
@@ -84,31 +83,21 @@ pub(super) fn evaluate_shortcuts(
     let last = loaded.composition.automaton.tasks().last().cloned();
     let alone = Loaded::load(&last.unwrap_or_default(), arguments)?;
     let stage = Stage {
-        bedroom: BedroomConfig {
-            level: evaluate_arguments.level.into(),
-            ..loaded.bedroom()?
-        },
+        bedroom: bedroom(&loaded, evaluate_arguments)?,
         in_order: loaded.planner(loaded.composition.planner.clone())?,
         papers_way: loaded.planner(PlannerOptions::paper())?,
         last_task: alone.planner(alone.composition.planner.clone())?,
         loaded: &loaded,
         alone: &alone,
     };
-    let episodes = evaluate_arguments.episodes as u64;
-    let bar = progress::bar("watching", episodes);
-    let results: Vec<ShortcutEpisode> = (0..episodes)
-        .into_par_iter()
-        .map(|k| {
-            let drive = Drive::ALL[k as usize % Drive::ALL.len()];
-            let episode = stage.episode(evaluate_arguments.seed + k, drive)?;
-            bar.inc(1);
-            Ok(episode)
-        })
-        .collect::<Result<_, CliError>>()?;
-    bar.finish_and_clear();
+    let first = evaluate_arguments.seed;
+    let results = episodes("watching", evaluate_arguments, |seed| {
+        let drive = Drive::ALL[(seed - first) as usize % Drive::ALL.len()];
+        stage.episode(seed, drive)
+    })?;
     let report = ShortcutEvaluation {
         name: loaded.composition.name.clone(),
-        seed: evaluate_arguments.seed,
+        seed: first,
         episodes: results.len(),
         detection: detection(results.iter()),
         drives: Drive::ALL.iter().map(|d| of_drive(*d, &results)).collect(),

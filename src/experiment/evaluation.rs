@@ -85,11 +85,8 @@ impl EpisodeResult {
     /// Puts together what the run said of itself and what the truth says of it.
     #[must_use]
     pub fn new(seed: u64, episode: &Episode, score: &Score) -> Self {
-        let flag = |e: &Event| match e {
-            Event::Shortcut { step, .. } => Some(*step),
-            _ => None,
-        };
-        let flags: Vec<usize> = episode.events.iter().filter_map(flag).collect();
+        let events = episode.events.iter();
+        let flags: Vec<usize> = events.filter_map(Event::shortcut_step).collect();
         let ended = match &episode.end {
             EpisodeEnd::Finished => "finished".to_owned(),
             EpisodeEnd::OutOfSteps => "out_of_steps".to_owned(),

@@ -36,11 +36,7 @@ impl<'a> Watched<'a> {
         }
         match self.monitor.look(Arc::clone(observation)) {
             Ok(sight) => {
-                let flag = |event: &Event| match event {
-                    Event::Shortcut { step, .. } => Some(*step),
-                    _ => None,
-                };
-                self.flagged_step = sight.events.iter().find_map(flag);
+                self.flagged_step = sight.events.iter().find_map(Event::shortcut_step);
             }
             Err(failure) => self.failure = Some(failure),
         }

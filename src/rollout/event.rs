@@ -63,6 +63,17 @@ pub enum Event {
     },
 }
 
+impl Event {
+    /// The step at which a shortcut was flagged; none for any other event.
+    #[must_use]
+    pub fn shortcut_step(&self) -> Option<usize> {
+        match self {
+            Self::Shortcut { step, .. } => Some(*step),
+            _ => None,
+        }
+    }
+}
+
 impl fmt::Display for Event {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

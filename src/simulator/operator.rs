@@ -4,6 +4,7 @@
 //! routes, overshoots, hesitates, presses the wrong key and misses a grasp now and then.
 
 mod demonstration;
+mod grasp;
 mod plan;
 mod stage;
 
@@ -14,7 +15,8 @@ use super::primitive::Primitive;
 use super::truth::Insight;
 use super::variation::BedroomTask;
 use super::world::Graspable;
-use stage::{Misjudgement, Stage};
+use grasp::{Grasp, Misjudgement};
+use stage::Stage;
 
 pub use demonstration::{Demonstration, LONGEST_STEPS, demonstrate, demonstrate_on};
 
@@ -245,7 +247,7 @@ impl Operator {
         wanted
     }
 
-    fn grasp(&mut self, grasp: stage::Grasp, insight: &Insight) -> Option<Primitive> {
+    fn grasp(&mut self, grasp: Grasp, insight: &Insight) -> Option<Primitive> {
         if insight.held == Some(grasp.thing) {
             return None;
         }
@@ -254,7 +256,7 @@ impl Operator {
                 self.late_retreats += 1;
                 return Some(grasp.retreat(insight));
             }
-            let wanted = self.misjudged.take().map_or(2, |m| m.retreats(&grasp));
+            let wanted = self.misjudged.take().map_or(2, |m| m.retreats());
             self.retreats_due = wanted.saturating_sub(self.late_retreats);
             self.late_retreats = 0;
             return Some(Primitive::GripperOpen);
@@ -264,13 +266,9 @@ impl Operator {
             return Some(grasp.retreat(insight));
         }
         // The place is misjudged at the last moment, so that the way there is worth learning.
-        self.is_misled |= grasp.is_over(insight);
-        let misjudged = self.misjudged.unwrap_or_default();
-        let misjudged = if self.is_misled || !grasp.from_above {
-            misjudged
-        } else {
-            Misjudgement::default()
-        };
+        self.is_misled |= !grasp.from_above || grasp.is_over(insight);
+        let misjudged = self.misjudged.filter(|_| self.is_misled);
+        let misjudged = misjudged.unwrap_or_default();
         let approach = grasp.next(insight, &misjudged);
         Some(approach.unwrap_or(Primitive::GripperClose))
     }

@@ -5,7 +5,8 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-use super::stage::{Grasp, Stage, Target};
+use super::grasp::Grasp;
+use super::stage::{Stage, Target};
 use crate::simulator::primitive::WRIST_STEP_RAD;
 use crate::simulator::truth::Insight;
 use crate::simulator::variation::BedroomTask;

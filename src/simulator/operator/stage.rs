@@ -3,9 +3,7 @@
 
 use std::f32::consts::{PI, TAU};
 
-use rand::Rng;
-use rand_chacha::ChaCha8Rng;
-
+use super::grasp::Grasp;
 use crate::simulator::kinematics::Joints;
 use crate::simulator::primitive::{
     DRIVE_STEP_M, Primitive, TOOL_STEP_M, TURN_STEP_RAD, WRIST_STEP_RAD,
@@ -16,13 +14,7 @@ use crate::simulator::world::Graspable;
 
 /// Half a step and a little more, so that nothing is corrected to and fro.
 const TURN_TOLERANCE_RAD: f32 = 0.55 * TURN_STEP_RAD;
-const TOOL_TOLERANCE_M: f32 = 0.53 * TOOL_STEP_M;
-
-/// How far above a thing the hand is brought over it: near enough to see well what is between the
-/// fingers, high enough to pass over it.
-const CLOSE_ABOVE_M: f32 = 0.07;
-/// How far aside a thing may lie for a hand that is lower than that to come down on it all the same.
-const LOW_TOLERANCE_M: f32 = 0.03;
+pub(super) const TOOL_TOLERANCE_M: f32 = 0.53 * TOOL_STEP_M;
 
 /// A place that a stage is about.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,30 +28,6 @@ pub(super) enum Target {
     Container,
     /// On the floor, this far south of the drawer's handle.
     BeforeDrawer(f32),
-}
-
-/// How a thing is taken: from which side, and where.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Grasp {
-    pub thing: Graspable,
-    pub target: Target,
-    /// Where to take it, above the target's middle.
-    pub above_m: f32,
-    /// How far before the middle the hand is to be: what is a little ahead is seen better.
-    pub short_m: f32,
-    /// Come down on it; otherwise come from ahead.
-    pub from_above: bool,
-}
-
-/// How far from the right place a grasp is tried.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Misjudgement {
-    /// The gripper is closed so many steps before it gets there.
-    early_steps: u8,
-    /// Beyond the thing, by so much.
-    beyond_m: f32,
-    /// To the left of the thing, by so much.
-    left_m: f32,
 }
 
 /// One part of a plan.
@@ -114,7 +82,7 @@ impl Target {
         }
     }
 
-    fn relative_to_base(self, insight: &Insight) -> [f32; 2] {
+    pub(super) fn relative_to_base(self, insight: &Insight) -> [f32; 2] {
         let [x, y, _] = self.place(insight);
         insight.relative_to_base([x, y])
     }
@@ -172,102 +140,6 @@ impl Stage {
             Self::Home => home(insight),
             Self::BackOff(_) | Self::Grasp(_) => None,
         }
-    }
-}
-
-impl Misjudgement {
-    /// How many primitives back give room to put it right.
-    pub(super) fn retreats(&self, grasp: &Grasp) -> u32 {
-        match (self.early_steps > 0, grasp.from_above) {
-            (true, _) => 0,
-            (false, true) => 2,
-            (false, false) => 3,
-        }
-    }
-}
-
-impl Grasp {
-    /// The way out after a grasp that failed.
-    pub(super) fn retreat(&self, insight: &Insight) -> Primitive {
-        let back = Primitive::EndEffectorBackward;
-        if self.from_above {
-            raise(TOOL_STEP_M, insight).unwrap_or(back)
-        } else {
-            back
-        }
-    }
-
-    /// How to try it so that it fails.
-    pub(super) fn misjudged(&self, rng: &mut ChaCha8Rng) -> Misjudgement {
-        let right = Misjudgement::default();
-        if !self.from_above || rng.random_bool(0.5) {
-            let early_steps = rng.random_range(2..=3);
-            return Misjudgement {
-                early_steps,
-                ..right
-            };
-        }
-        let aside_m = 2.0 * TOOL_STEP_M;
-        let off_m = if rng.random_bool(0.5) {
-            aside_m
-        } else {
-            -aside_m
-        };
-        if rng.random_bool(0.5) {
-            let left_m = off_m;
-            Misjudgement { left_m, ..right }
-        } else {
-            let beyond_m = off_m;
-            Misjudgement { beyond_m, ..right }
-        }
-    }
-
-    /// Whether the hand is over the thing, as far as its steps allow, and not yet low.
-    pub(super) fn is_over(&self, insight: &Insight) -> bool {
-        let [ahead, left] = self.target.relative_to_base(insight);
-        let tool = &insight.tool;
-        let off = (ahead - self.short_m - tool.x_m)
-            .abs()
-            .max((left - tool.y_m).abs());
-        let height = tool.z_m - self.target.place(insight)[2] - self.above_m;
-        off <= TOOL_TOLERANCE_M
-            && (CLOSE_ABOVE_M - TOOL_TOLERANCE_M..=CLOSE_ABOVE_M + TOOL_TOLERANCE_M)
-                .contains(&height)
-    }
-
-    /// The next primitive of the approach, `None` when it is time to close the gripper.
-    pub(super) fn next(&self, insight: &Insight, misjudged: &Misjudgement) -> Option<Primitive> {
-        let [ahead, left] = self.target.relative_to_base(insight);
-        let tool = &insight.tool;
-        let dx = ahead - self.short_m + misjudged.beyond_m - tool.x_m;
-        let dy = left + misjudged.left_m - tool.y_m;
-        let dz = self.target.place(insight)[2] + self.above_m - tool.z_m;
-        let slack_m = f32::from(misjudged.early_steps) * TOOL_STEP_M;
-        if self.from_above {
-            let down = |above_m: f32| {
-                (-dz > TOOL_TOLERANCE_M + above_m).then_some(Primitive::EndEffectorDown)
-            };
-            // What lies loose is pushed along by a hand that moves in it: up first, then across.
-            if -dz < CLOSE_ABOVE_M - TOOL_TOLERANCE_M {
-                let is_off = dx.abs().max(dy.abs()) > LOW_TOLERANCE_M;
-                return if is_off {
-                    Some(self.retreat(insight))
-                } else {
-                    down(slack_m)
-                };
-            }
-            return down(CLOSE_ABOVE_M)
-                .or_else(|| sideways(dy))
-                .or_else(|| lengthways(dx, insight))
-                .or_else(|| down(slack_m));
-        }
-        sideways(dy).or_else(|| climb(dz)).or_else(|| {
-            if dx > TOOL_TOLERANCE_M + slack_m {
-                lengthways(dx, insight)
-            } else {
-                None
-            }
-        })
     }
 }
 
@@ -338,7 +210,7 @@ fn turn(off_rad: f32) -> Option<Primitive> {
     )
 }
 
-fn sideways(off_m: f32) -> Option<Primitive> {
+pub(super) fn sideways(off_m: f32) -> Option<Primitive> {
     step(
         off_m,
         TOOL_TOLERANCE_M,
@@ -347,7 +219,7 @@ fn sideways(off_m: f32) -> Option<Primitive> {
     )
 }
 
-fn climb(off_m: f32) -> Option<Primitive> {
+pub(super) fn climb(off_m: f32) -> Option<Primitive> {
     step(
         off_m,
         TOOL_TOLERANCE_M,
@@ -357,7 +229,7 @@ fn climb(off_m: f32) -> Option<Primitive> {
 }
 
 /// To a height, and nearer to the base where the arm does not reach it.
-fn raise(off_m: f32, insight: &Insight) -> Option<Primitive> {
+pub(super) fn raise(off_m: f32, insight: &Insight) -> Option<Primitive> {
     let primitive = climb(off_m)?;
     let mut tool = insight.tool;
     tool.z_m += off_m.signum() * TOOL_STEP_M;
@@ -369,7 +241,7 @@ fn raise(off_m: f32, insight: &Insight) -> Option<Primitive> {
 }
 
 /// By the arm, or by the base where the arm does not reach.
-fn lengthways(off_m: f32, insight: &Insight) -> Option<Primitive> {
+pub(super) fn lengthways(off_m: f32, insight: &Insight) -> Option<Primitive> {
     let primitive = step(
         off_m,
         TOOL_TOLERANCE_M,
@@ -386,35 +258,4 @@ fn lengthways(off_m: f32, insight: &Insight) -> Option<Primitive> {
     } else {
         Primitive::BaseBackward
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::simulator::bedroom::{Bedroom, BedroomConfig};
-    use crate::simulator::variation::BedroomTask;
-
-    #[test]
-    fn a_hand_that_is_low_beside_a_sock_rises_before_it_goes_across() {
-        let grasp = Grasp {
-            thing: Graspable::Sock,
-            target: Target::Sock,
-            above_m: 0.0,
-            short_m: 0.0,
-            from_above: true,
-        };
-        let next = |ahead_m: f32, height_m: f32| {
-            let mut insight = Bedroom::new(BedroomConfig::paper(BedroomTask::Sock)).insight();
-            (insight.base_m, insight.heading_rad) = ([0.0, 0.0], 0.0);
-            insight.sock_m = [0.45 + ahead_m, 0.0, 0.3];
-            (insight.tool.x_m, insight.tool.y_m) = (0.45, 0.0);
-            insight.tool.z_m = 0.3 + height_m;
-            grasp.next(&insight, &Misjudgement::default())
-        };
-        assert_eq!(next(0.06, 0.03), Some(Primitive::EndEffectorUp));
-        assert_eq!(next(0.06, 0.06), Some(Primitive::EndEffectorForward));
-        assert_eq!(next(0.06, 0.12), Some(Primitive::EndEffectorDown));
-        assert_eq!(next(0.02, 0.03), Some(Primitive::EndEffectorDown));
-        assert_eq!(next(0.02, 0.0), None, "near enough to close");
-    }
 }
