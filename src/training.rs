@@ -12,6 +12,7 @@ mod augmentation;
 mod batch;
 mod budget;
 mod checkpoint;
+mod closings;
 mod config;
 mod dataset;
 mod device;

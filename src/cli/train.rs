@@ -6,7 +6,6 @@ use indicatif::ProgressBar;
 use super::arguments::TrainArguments;
 use super::error::CliError;
 use super::progress;
-use crate::model::ValidationMetrics;
 use crate::storage::{demonstrations_digest, load_demonstrations};
 use crate::training::{
     Preset, TrainingConfig, TrainingEvent, TrainingObserver, export, train as fit,
@@ -39,26 +38,26 @@ pub(super) fn train(arguments: &TrainArguments) -> Result<(), CliError> {
     let metrics = &manifest.training.validation;
     println!(
         "{} steps in {:.0} s ({:.0} states/s); best after step {}: traversability {:.1} % of classes right, \
-         policy {:.1} % of actions ({} with goal states of other demonstrations), look-alikes taken for near {:.2} %\nmodel {} in {}",
+         policy {:.1} % of actions ({} with goal states of other demonstrations), look-alikes taken for near {:.2} %, \
+         missed grasps taken for held {}\nmodel {} in {}",
         report.steps,
         report.spent_secs,
         report.states_per_sec,
         report.model.step,
         100.0 * metrics.traversability_accuracy,
         100.0 * metrics.policy_accuracy,
-        across(metrics),
+        percent(metrics.policy_accuracy_across),
         100.0 * metrics.look_alike_wormhole_rate,
+        percent(metrics.missed_grasp_wormhole_rate),
         &manifest.digest()[..12],
         arguments.out.display(),
     );
     Ok(())
 }
 
-/// Accuracy with goal states of other demonstrations, for people.
-fn across(metrics: &ValidationMetrics) -> String {
-    metrics
-        .policy_accuracy_across
-        .map_or_else(|| "none".to_owned(), |a| format!("{:.1} %", 100.0 * a))
+/// A share for people; "none" where there was nothing to measure.
+fn percent(share: Option<f64>) -> String {
+    share.map_or_else(|| "none".to_owned(), |s| format!("{:.1} %", 100.0 * s))
 }
 
 /// The trainer's checkpoint in its run folder.
@@ -177,7 +176,7 @@ impl TrainingObserver for Printer {
                     100.0 * metrics.traversability_accuracy,
                     metrics.policy_loss,
                     100.0 * metrics.policy_accuracy,
-                    across(metrics),
+                    percent(metrics.policy_accuracy_across),
                     if *is_best { "  (best)" } else { "" },
                 );
                 if self.bar.is_hidden() {

@@ -115,6 +115,11 @@ pub struct ValidationMetrics {
     /// robot is given them; `None` where no two held-out demonstrations go the same way.
     #[serde(default)]
     pub policy_accuracy_across: Option<f64>,
+    /// Share of the pairs of a gripper that closed on nothing and one that holds its thing, of the same
+    /// task and on the way to the same subgoal, that were taken for near; `None` where no held-out
+    /// demonstration missed a grasp.
+    #[serde(default)]
+    pub missed_grasp_wormhole_rate: Option<f64>,
 }
 
 impl ModelManifest {

@@ -97,6 +97,11 @@ pub struct SamplingConfig {
     pub aligned_share: f64,
     /// Share of the policy's weight that goes to goal states of other demonstrations.
     pub aligned_policy_share: f64,
+    /// Share of the states, and of the far pairs' weight, that goes to a gripper which closed on nothing
+    /// beside one that holds its thing ([`ImitationConfig::missed_grasp_steps`] says what is a miss). Such
+    /// states look alike and are the same phase of the task, but no few steps lead from one to the other;
+    /// a planner that takes one for the other carries nothing. 0 is the paper's way.
+    pub missed_grasp_share: f64,
 }
 
 /// Which actions of a demonstration are not to be imitated.
@@ -201,6 +206,7 @@ impl Default for SamplingConfig {
             hard_share: 0.0,
             aligned_share: 0.0,
             aligned_policy_share: 0.0,
+            missed_grasp_share: 0.0,
         }
     }
 }
@@ -291,6 +297,7 @@ impl TrainingConfig {
                 "sampling.aligned_policy_share",
                 sampling.aligned_policy_share,
             ),
+            ("sampling.missed_grasp_share", sampling.missed_grasp_share),
             ("optimiser.average_decay", self.optimiser.average_decay),
         ] {
             demand(

@@ -162,6 +162,16 @@ impl Dataset {
         &self.trajectories[trajectory as usize].markers
     }
 
+    /// When the gripper was told to close or open, in order of time; empty where the action space has no
+    /// such primitives.
+    ///
+    /// # Panics
+    /// If there is no such trajectory.
+    #[must_use]
+    pub fn gripper_events(&self, trajectory: u32) -> &[(usize, GripperEvent)] {
+        &self.trajectories[trajectory as usize].gripper
+    }
+
     /// Whether the action at a step is one to imitate: not part of a missed grasp.
     ///
     /// # Panics

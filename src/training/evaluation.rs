@@ -3,7 +3,7 @@
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::batch::Pictures;
-use super::held_out_pairs::{across, far_pairs, look_alikes};
+use super::held_out_pairs::{across, far_pairs, look_alikes, missed_grasps};
 use super::loss::{indices, near_class, near_class_weights};
 use super::network::FlowHead;
 use super::{Dataset, LatentFlowNetwork, StateRef, TrainingConfig, TrainingError};
@@ -28,6 +28,8 @@ pub struct ValidationSet {
     policy: Vec<usize>,
     /// Pairs of one trajectory that look alike and are far apart in time.
     look_alikes: Vec<(u32, u32)>,
+    /// A gripper that closed on nothing, and one that holds its thing.
+    missed_grasps: Vec<(u32, u32)>,
     /// States with goal states of the same phase in other held-out trajectories.
     across: Vec<(u32, u32)>,
 }
@@ -89,6 +91,7 @@ impl ValidationSet {
             near,
             policy,
             look_alikes,
+            missed_grasps: missed_grasps(data, trajectories, &states, config),
             across: across(data, trajectories, &states, config),
             states,
         })
@@ -119,13 +122,15 @@ impl ValidationSet {
         let temperature = self.calibrate(&logits, config.d_max);
         let mut metrics = self.traversability(&logits, config.d_max);
         let calibrated = self.loss(&logits, config.d_max, temperature);
-        let alike = score(&network.traversability, &latents, &self.look_alikes, device);
-        let taken_for_near = alike
-            .chunks_exact(config.d_max)
-            .filter(|row| largest(row) != config.d_max - 1)
-            .count();
-        metrics.look_alike_wormhole_rate =
-            taken_for_near as f64 / self.look_alikes.len().max(1) as f64;
+        let taken_for_near = |pairs: &[(u32, u32)]| {
+            let logits = score(&network.traversability, &latents, pairs, device);
+            let rows = logits.chunks_exact(config.d_max);
+            let near = rows.filter(|row| largest(row) != config.d_max - 1).count();
+            near as f64 / pairs.len().max(1) as f64
+        };
+        metrics.look_alike_wormhole_rate = taken_for_near(&self.look_alikes);
+        let missed = &self.missed_grasps;
+        metrics.missed_grasp_wormhole_rate = (!missed.is_empty()).then(|| taken_for_near(missed));
         let pairs: Vec<_> = self.policy.iter().map(|p| self.pairs[*p]).collect();
         let logits = score(&network.policy, &latents, &pairs, device);
         (metrics.policy_loss, metrics.policy_accuracy) = self.policy(&logits, &pairs, data);

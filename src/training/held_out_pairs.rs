@@ -5,6 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::alignment::Alignment;
+use super::closings::Closings;
 use super::look_alikes::LookAlikes;
 use super::sampler::is_far;
 use super::{Dataset, StateRef, TrainingConfig};
@@ -60,6 +61,20 @@ pub fn look_alikes(
     LookAlikes::find(data, &lengths, d_max)
         .pairs()
         .map(|(state, twin)| (row_of(states, state), row_of(states, twin)))
+        .collect()
+}
+
+/// Far pairs of a gripper that closed on nothing and one that holds its thing.
+pub fn missed_grasps(
+    data: &Dataset,
+    trajectories: &[u32],
+    states: &[StateRef],
+    config: &TrainingConfig,
+) -> Vec<(u32, u32)> {
+    Closings::find(data, trajectories, &config.imitation)
+        .pairs()
+        .filter(|(missed, held)| is_far(*missed, *held, config.d_max))
+        .map(|(missed, held)| (row_of(states, missed), row_of(states, held)))
         .collect()
 }
 

@@ -51,7 +51,8 @@ impl Targets {
     /// Classes and weights of the pairs of a draw.
     ///
     /// Near and far pairs each stand for one half of the paper's mini-batch. Of the near half every
-    /// class that occurs has the same share; of the far half `hard_share` goes to hard pairs.
+    /// class that occurs has the same share; of the far half `hard_share` goes to hard pairs and
+    /// `missed_grasp_share` to closings that missed beside closings that held.
     pub fn of(draw: &Draw, data: &Dataset, config: &TrainingConfig) -> Self {
         let mut targets = Self {
             traversability: WeightedPairs::default(),
@@ -79,12 +80,23 @@ impl Targets {
             }
         }
         targets.add_aligned(draw, data, config, aligned_share);
-        let hard_share = match (draw.far.is_empty(), draw.hard.is_empty()) {
-            (_, true) => 0.0,
-            (true, false) => 1.0,
-            (false, false) => config.sampling.hard_share as f32,
-        };
-        for (pairs, share) in [(&draw.far, 1.0 - hard_share), (&draw.hard, hard_share)] {
+        let sampling = &config.sampling;
+        let kinds = [
+            (
+                &draw.far,
+                1.0 - sampling.hard_share - sampling.missed_grasp_share,
+            ),
+            (&draw.hard, sampling.hard_share),
+            (&draw.grasps, sampling.missed_grasp_share),
+        ];
+        let present = kinds.iter().filter(|(pairs, _)| !pairs.is_empty());
+        let total: f64 = present.map(|(_, share)| share).sum();
+        for (pairs, share) in kinds {
+            let share = if total > 0.0 {
+                (share / total) as f32
+            } else {
+                0.0
+            };
             let weight = 0.5 * config.far_weight * share / pairs.len().max(1) as f32;
             for rows in pairs.iter().filter(|_| weight > 0.0) {
                 let far = [config.d_max - 1];
@@ -194,6 +206,7 @@ mod tests {
             near: vec![near(0, 0), near(0, 1), near(1, 2), near(0, 2)],
             far: vec![(0, 3), (3, 1)],
             hard: vec![(2, 0)],
+            grasps: Vec::new(),
             aligned: Vec::new(),
         }
     }
@@ -263,6 +276,23 @@ mod tests {
         assert_eq!(without.traversability, all.traversability);
         let opening = at(0, 5);
         assert!(data.is_imitated(opening, &config.imitation));
+    }
+
+    #[test]
+    fn closings_that_missed_take_their_share_of_the_far_half() {
+        let data = Dataset::new(&[synthetic::demonstrations("a", 2, 9, 1)]).unwrap();
+        let mut config = TrainingConfig::default();
+        (
+            config.sampling.hard_share,
+            config.sampling.missed_grasp_share,
+        ) = (0.4, 0.2);
+        let mut draw = draw();
+        draw.grasps = vec![(0, 3), (3, 0)];
+        let targets = Targets::of(&draw, &data, &config);
+        let far = &targets.traversability.weights[4..];
+        for (weight, expected) in far.iter().zip([0.5, 0.5, 1.0, 0.25, 0.25]) {
+            assert!((weight - expected).abs() < 1e-6, "{weight} {expected}");
+        }
     }
 
     #[test]

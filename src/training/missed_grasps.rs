@@ -1,9 +1,66 @@
-//! Which steps of a demonstration led to a grasp that closed on nothing.
+//! What came of each closing of the gripper, and which steps led to one that closed on nothing.
 
 use std::ops::Range;
 
 use super::ImitationConfig;
 use crate::task::GripperEvent;
+
+/// The gripper was told to close.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Closing {
+    /// The step of that action.
+    pub closed: usize,
+    /// The step of the action that opened the gripper again.
+    pub opened: Option<usize>,
+    /// What came of it.
+    pub outcome: Outcome,
+    /// The first step after the gripper's last action before.
+    after_event: usize,
+}
+
+/// What came of a closing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Taken back within a few steps, before any subgoal was reached.
+    Missed,
+    /// A subgoal was reached while the gripper was kept closed.
+    Held,
+    /// Neither.
+    Unknown,
+}
+
+/// Every closing of a demonstration. Events and markers are in order of time.
+pub fn closings(
+    events: &[(usize, GripperEvent)],
+    markers: &[usize],
+    config: &ImitationConfig,
+) -> impl Iterator<Item = Closing> {
+    let longest = config.missed_grasp_steps;
+    events.iter().enumerate().filter_map(move |(place, event)| {
+        let (closed, GripperEvent::Close) = *event else {
+            return None;
+        };
+        let opened = match events.get(place + 1) {
+            Some((step, GripperEvent::Open)) => Some(*step),
+            _ => None,
+        };
+        let end = opened.unwrap_or(usize::MAX);
+        let reached = |step: &usize| *step > closed && *step <= end;
+        let outcome = if markers.iter().any(reached) {
+            Outcome::Held
+        } else if end.saturating_sub(closed) <= longest {
+            Outcome::Missed
+        } else {
+            Outcome::Unknown
+        };
+        Some(Closing {
+            closed,
+            opened,
+            outcome,
+            after_event: place.checked_sub(1).map_or(0, |p| events[p].0 + 1),
+        })
+    })
+}
 
 /// The steps of each missed grasp: those that led to a closing which was taken back soon, before any
 /// subgoal was reached, up to the one that opened the gripper again, which is left out. Events and markers
@@ -13,22 +70,14 @@ pub fn missed_grasps(
     markers: &[usize],
     config: &ImitationConfig,
 ) -> impl Iterator<Item = Range<usize>> {
-    let (longest, lead) = (config.missed_grasp_steps, config.lead_steps);
-    events
-        .windows(2)
-        .enumerate()
-        .filter_map(move |(place, pair)| {
-            let [(closed, GripperEvent::Close), (opened, GripperEvent::Open)] = *pair else {
-                return None;
-            };
-            let reached = |step: &usize| (closed + 1..=opened).contains(step);
-            if opened - closed > longest || markers.iter().any(reached) {
-                return None;
-            }
-            let after_event = place.checked_sub(1).map_or(0, |p| events[p].0 + 1);
-            let marked = markers.iter().rfind(|step| **step <= closed);
-            let first = closed.saturating_sub(lead).max(after_event);
-            Some(first.max(marked.copied().unwrap_or(0))..opened)
+    let lead = config.lead_steps;
+    closings(events, markers, config)
+        .filter(|closing| closing.outcome == Outcome::Missed)
+        .filter_map(move |closing| {
+            let first = closing.closed.saturating_sub(lead);
+            let marked = markers.iter().rfind(|step| **step <= closing.closed);
+            let first = first.max(closing.after_event);
+            Some(first.max(marked.copied().unwrap_or(0))..closing.opened?)
         })
 }
 
@@ -61,6 +110,30 @@ mod tests {
     fn a_closing_that_reached_a_subgoal_or_was_kept_is_none() {
         assert!(steps(&[(20, Close), (22, Open)], &[21]).is_empty());
         assert!(steps(&[(20, Close), (25, Open)], &[]).is_empty());
+    }
+
+    #[test]
+    fn a_closing_holds_if_a_subgoal_is_reached_before_it_is_opened() {
+        let events = [
+            (20, Close),
+            (22, Open),
+            (30, Close),
+            (40, Open),
+            (50, Close),
+        ];
+        let outcomes: Vec<_> = closings(&events, &[31, 60], &CONFIG)
+            .map(|c| (c.closed, c.opened, c.outcome))
+            .collect();
+        assert_eq!(
+            outcomes,
+            [
+                (20, Some(22), Outcome::Missed),
+                (30, Some(40), Outcome::Held),
+                (50, None, Outcome::Held)
+            ]
+        );
+        let kept = closings(&[(20, Close), (30, Open)], &[], &CONFIG).next();
+        assert_eq!(kept.map(|c| c.outcome), Some(Outcome::Unknown));
     }
 
     #[test]

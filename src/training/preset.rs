@@ -58,6 +58,7 @@ fn bedroom() -> TrainingConfig {
     config.sampling.hard_share = 0.25;
     config.sampling.aligned_share = 0.5;
     config.sampling.aligned_policy_share = 0.85;
+    config.sampling.missed_grasp_share = 0.08;
     config.imitation.missed_grasp_steps = 6;
     config.imitation.lead_steps = 6;
     config

@@ -15,15 +15,16 @@
 //!   equally likely, so the pair is uniform over all ordered pairs; near ones are drawn again.
 //!
 //! The expectation is the same up to the usual small bias of a mean over a random number of pairs.
-//! Optional hard pairs (look-alikes of the same trajectory, and pairs backward in time) are additional
-//! and have a weight of their own.
+//! Optional hard pairs (look-alikes of the same trajectory, pairs backward in time, and closings that
+//! missed beside closings that held) are additional and have weights of their own.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 use super::alignment::Alignment;
+use super::closings::Closings;
 use super::look_alikes::LookAlikes;
-use super::{Dataset, SamplingConfig, StateRef, TrainingError};
+use super::{Dataset, ImitationConfig, SamplingConfig, StateRef, TrainingError};
 
 /// Two states of a batch that are few steps apart, `from` before `to`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,6 +50,8 @@ pub struct Draw {
     pub far: Vec<(usize, usize)>,
     /// Ordered far pairs that are hard to tell from near ones.
     pub hard: Vec<(usize, usize)>,
+    /// Ordered pairs of a gripper that closed on nothing and one that holds its thing.
+    pub grasps: Vec<(usize, usize)>,
     /// A state, and one of another demonstration whose counterpart lies so many steps ahead: 1 or more.
     pub aligned: Vec<NearPair>,
 }
@@ -71,6 +74,7 @@ pub struct Sampler {
     d_max: usize,
     look_alikes: LookAlikes,
     alignment: Alignment,
+    closings: Closings,
 }
 
 impl Sampler {
@@ -82,8 +86,14 @@ impl Sampler {
         data: &Dataset,
         trajectories: &[u32],
         config: &SamplingConfig,
+        imitation: &ImitationConfig,
         d_max: usize,
     ) -> Result<Self, TrainingError> {
+        let closings = if config.missed_grasp_share > 0.0 {
+            Closings::find(data, trajectories, imitation)
+        } else {
+            Closings::default()
+        };
         let alignment = if config.aligned_share > 0.0 {
             Alignment::find(data, trajectories)
         } else {
@@ -104,14 +114,16 @@ impl Sampler {
             d_max,
             look_alikes,
             alignment,
+            closings,
         })
     }
 
     /// Draws a batch.
     pub fn draw(&self, rng: &mut ChaCha8Rng) -> Draw {
-        let partners = (self.config.states as f64 * self.config.look_alike_share) as usize;
+        let share = |share: f64| (self.config.states as f64 * share) as usize;
+        let partners = share(self.config.look_alike_share + self.config.missed_grasp_share);
         let plain = (self.config.states - partners).max(2 * self.config.window);
-        let aligned = (self.config.states as f64 * self.config.aligned_share) as usize;
+        let aligned = share(self.config.aligned_share);
         let anchors = plain
             .saturating_sub(aligned)
             .max(self.config.window.min(plain));
@@ -125,7 +137,9 @@ impl Sampler {
         self.add_aligned(&mut draw, plain, &mut windows, rng);
         self.pair_within_windows(&mut draw);
         self.pair_across_windows(&mut draw, rng);
-        self.add_look_alikes(&mut draw, &mut windows, rng);
+        let grasps = share(self.config.missed_grasp_share).min(self.config.states - plain);
+        self.add_closings(&mut draw, plain + grasps, &mut windows, rng);
+        self.add_look_alikes(&mut draw, plain, &mut windows, rng);
         draw
     }
 
@@ -244,8 +258,36 @@ impl Sampler {
         }
     }
 
-    fn add_look_alikes(&self, draw: &mut Draw, windows: &mut usize, rng: &mut ChaCha8Rng) {
-        let plain = draw.states.len();
+    /// Adds closings that missed, each with one that held, up to so many states in all.
+    fn add_closings(
+        &self,
+        draw: &mut Draw,
+        states: usize,
+        windows: &mut usize,
+        rng: &mut ChaCha8Rng,
+    ) {
+        while let Some((missed, held)) = self.closings.draw(rng) {
+            let start = draw.states.len();
+            let middle = start + missed.1.len();
+            let end = middle + held.1.len();
+            if end > states {
+                break;
+            }
+            for (trajectory, steps) in [missed, held] {
+                draw.add_window(trajectory, steps, windows);
+            }
+            let pairs = self.far_pairs(draw, start..middle, middle..end);
+            draw.grasps.extend(pairs);
+        }
+    }
+
+    fn add_look_alikes(
+        &self,
+        draw: &mut Draw,
+        plain: usize,
+        windows: &mut usize,
+        rng: &mut ChaCha8Rng,
+    ) {
         let length = self.config.window.div_ceil(2);
         for _ in 0..self.config.states {
             let left = self.config.states.saturating_sub(draw.states.len());
@@ -261,16 +303,24 @@ impl Sampler {
             let end = (first + length.min(left)).min(steps);
             let rows = draw.states.len()..draw.states.len() + (end - first);
             draw.add_window(twin.trajectory, first as u32..end as u32, windows);
-            for row in (0..plain).filter(|r| draw.window_of[*r] == draw.window_of[anchor]) {
-                for other in rows.clone() {
-                    for pair in [(row, other), (other, row)] {
-                        if is_far(draw.states[pair.0], draw.states[pair.1], self.d_max) {
-                            draw.hard.push(pair);
-                        }
-                    }
-                }
-            }
+            let window = (0..plain).filter(|r| draw.window_of[*r] == draw.window_of[anchor]);
+            let pairs = self.far_pairs(draw, window, rows);
+            draw.hard.extend(pairs);
         }
+    }
+
+    /// The far pairs of rows, one of each kind, in both directions.
+    fn far_pairs(
+        &self,
+        draw: &Draw,
+        rows: impl Iterator<Item = usize>,
+        others: std::ops::Range<usize>,
+    ) -> Vec<(usize, usize)> {
+        let far =
+            |(from, to): &(usize, usize)| is_far(draw.states[*from], draw.states[*to], self.d_max);
+        rows.flat_map(|row| others.clone().flat_map(move |o| [(row, o), (o, row)]))
+            .filter(far)
+            .collect()
     }
 
     fn steps_of(&self, trajectory: u32) -> usize {

@@ -103,7 +103,13 @@ impl<'a> Run<'a> {
         device: &Device,
     ) -> Result<Self, TrainingError> {
         let split = data.split(config.validation_share, config.seed);
-        let batches = Sampler::new(data, &split.training, &config.sampling, config.d_max)?;
+        let batches = Sampler::new(
+            data,
+            &split.training,
+            &config.sampling,
+            &config.imitation,
+            config.d_max,
+        )?;
         let validation = ValidationSet::new(data, &split.validation, config)?;
         let device = device.clone().autodiff();
         let spec = spec_of(data, config);

@@ -4,6 +4,7 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::*;
 use crate::training::synthetic;
+use crate::trajectory::{Action, ActionSpace, DemonstrationSet, Marker};
 
 fn data() -> Dataset {
     Dataset::new(&[
@@ -15,7 +16,14 @@ fn data() -> Dataset {
 
 fn sampler(config: &SamplingConfig) -> Sampler {
     let data = data();
-    Sampler::new(&data, &[0, 1, 2, 3, 4], config, 5).unwrap()
+    Sampler::new(
+        &data,
+        &[0, 1, 2, 3, 4],
+        config,
+        &ImitationConfig::default(),
+        5,
+    )
+    .unwrap()
 }
 
 fn draws(config: &SamplingConfig, count: u64) -> Vec<Draw> {
@@ -108,14 +116,21 @@ fn aligned_pairs_lead_ahead_in_another_demonstration_and_are_not_called_far() {
         twin.id = format!("copy {copy}");
         alike.push(twin);
     }
-    let set = crate::trajectory::DemonstrationSet::new("a", alike).unwrap();
+    let set = DemonstrationSet::new("a", alike).unwrap();
     let data = Dataset::new(&[set]).unwrap();
     let config = SamplingConfig {
         aligned_share: 0.5,
         aligned_policy_share: 0.5,
         ..SamplingConfig::default()
     };
-    let sampler = Sampler::new(&data, &[0, 1, 2, 3], &config, 5).unwrap();
+    let sampler = Sampler::new(
+        &data,
+        &[0, 1, 2, 3],
+        &config,
+        &ImitationConfig::default(),
+        5,
+    )
+    .unwrap();
     for stream in 0..20 {
         let mut rng = ChaCha8Rng::seed_from_u64(9);
         rng.set_stream(stream);
@@ -140,6 +155,51 @@ fn aligned_pairs_lead_ahead_in_another_demonstration_and_are_not_called_far() {
 }
 
 #[test]
+fn a_closing_that_missed_is_drawn_beside_one_that_held() {
+    let names = ["gripper_close", "gripper_open", "up", "down"];
+    let mut shown = synthetic::demonstrations("a", 2, 30, 1)
+        .trajectories()
+        .to_vec();
+    for (trajectory, closed) in shown.iter_mut().zip([[5, 15], [25, 20]]) {
+        trajectory.action_space = ActionSpace::Primitives {
+            names: names.map(String::from).to_vec(),
+        };
+        for (index, step) in trajectory.steps.iter_mut().enumerate() {
+            let action = if closed.contains(&index) {
+                0
+            } else if index == 7 {
+                1
+            } else {
+                2
+            };
+            step.action = Action::Primitive(action);
+        }
+        trajectory.markers = vec![Marker {
+            step: 28,
+            name: "lifted".to_owned(),
+        }];
+    }
+    let data = Dataset::new(&[DemonstrationSet::new("a", shown).unwrap()]).unwrap();
+    let config = SamplingConfig {
+        missed_grasp_share: 0.1,
+        ..SamplingConfig::default()
+    };
+    let imitation = ImitationConfig {
+        missed_grasp_steps: 4,
+        lead_steps: 2,
+    };
+    let sampler = Sampler::new(&data, &[0, 1], &config, &imitation, 5).unwrap();
+    let draw = sampler.draw(&mut ChaCha8Rng::seed_from_u64(3));
+    assert!((config.states - 9..=config.states).contains(&draw.states.len()));
+    assert!(!draw.grasps.is_empty());
+    let missed = |state: StateRef| state.trajectory == 0 && (6..=7).contains(&state.step);
+    for (from, to) in draw.grasps {
+        let (from, to) = (draw.states[from], draw.states[to]);
+        assert!(missed(from) != missed(to), "{from:?} {to:?}");
+    }
+}
+
+#[test]
 fn the_same_stream_draws_the_same_batch() {
     let config = SamplingConfig::default();
     assert_eq!(draws(&config, 3), draws(&config, 3));
@@ -150,7 +210,13 @@ fn the_same_stream_draws_the_same_batch() {
 fn trajectories_of_one_step_have_no_pairs() {
     let data = Dataset::new(&[synthetic::demonstrations("a", 3, 1, 1)]).unwrap();
     assert!(matches!(
-        Sampler::new(&data, &[0, 1], &SamplingConfig::default(), 5),
+        Sampler::new(
+            &data,
+            &[0, 1],
+            &SamplingConfig::default(),
+            &ImitationConfig::default(),
+            5
+        ),
         Err(TrainingError::NoPairs { .. })
     ));
 }
