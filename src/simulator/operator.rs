@@ -46,7 +46,7 @@ impl Default for Habits {
         Self {
             overshoot: 0.08,
             hesitation: 0.015,
-            missed_grasp: 0.6,
+            missed_grasp: 0.15,
             missed_from_above: 0.7,
             late_notice: 0.3,
             slip: 0.06,

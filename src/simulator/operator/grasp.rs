@@ -14,6 +14,10 @@ const CLOSE_ABOVE_M: f32 = 0.07;
 /// How far aside a thing may lie for a hand that is lower than that to come down on it all the same.
 const LOW_TOLERANCE_M: f32 = 0.03;
 
+/// Chance that what is missed from above is missed by closing too early; otherwise the hand comes down
+/// beside it, and must go up and line up again.
+const EARLY_FROM_ABOVE: f64 = 0.3;
+
 /// How a thing is taken: from which side, and where.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Grasp {
@@ -59,7 +63,7 @@ impl Grasp {
     /// How to try it so that it fails.
     pub(super) fn misjudged(&self, rng: &mut ChaCha8Rng) -> Misjudgement {
         let right = Misjudgement::default();
-        if !self.from_above || rng.random_bool(0.5) {
+        if !self.from_above || rng.random_bool(EARLY_FROM_ABOVE) {
             let early_steps = rng.random_range(2..=3);
             return Misjudgement {
                 early_steps,

@@ -16,6 +16,12 @@ use crate::simulator::world::Graspable;
 const STAND_M: f32 = 0.48;
 /// Where the base turns to the drawer, before its handle.
 const BEFORE_DRAWER_M: f32 = 0.65;
+/// How far before the sock's middle the hand comes down. The fingers take it from 4 cm before its middle
+/// to 3 cm beyond, and from above the wrist camera barely sees what is right below the hand.
+const SHORT_OF_SOCK_M: f32 = 0.013;
+/// How far ahead the sock is when the base has driven near: the hand is 3 to 13 cm before it then, and the
+/// wrist camera still sees it.
+const SOCK_AHEAD_M: f32 = 0.55;
 /// Height of the gripper above the open drawer.
 const OVER_DRAWER_M: f32 = 0.41;
 /// Height of the gripper at the can.
@@ -83,13 +89,14 @@ fn fetch_sock(insight: &Insight, rng: &mut ChaCha8Rng) -> Vec<Stage> {
     stages.extend([
         Stage::Raise(OVER_DRAWER_M),
         Stage::Retract(0.43),
-        Stage::CloseIn(Target::Sock, 0.50),
+        // Looking down already, so that the wrist camera sees how near the sock is.
         Stage::Tilt(WRIST_STEP_RAD),
+        Stage::CloseIn(Target::Sock, SOCK_AHEAD_M),
         Stage::Grasp(Grasp {
             thing: Graspable::Sock,
             target: Target::Sock,
             above_m: 0.008,
-            short_m: 0.0,
+            short_m: SHORT_OF_SOCK_M,
             from_above: true,
         }),
         Stage::Raise(OVER_DRAWER_M),
