@@ -2,6 +2,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 use crate::model::ActionDistribution;
+use crate::task::GripperSignal;
 use crate::trajectory::{ActionSpace, Image, Observation};
 
 /// Keeps a robot from trying what just had no effect: an arm at its limit, a base against furniture.
@@ -11,15 +12,23 @@ use crate::trajectory::{ActionSpace, Image, Observation};
 #[derive(Clone, Debug, Default)]
 pub(super) struct Reflex {
     ruled_out: Vec<Vec<usize>>,
+    /// What had no effect lately, and how many steps ago.
+    recent: Vec<(usize, u32)>,
     /// For each class of a space of primitives, the one that undoes it.
     opposites: Vec<Option<usize>>,
+    /// The classes that close and open the gripper.
+    gripper: Vec<usize>,
 }
+
+/// Steps for which it is remembered that a class had no effect.
+const MEMORY_STEPS: u32 = 8;
 
 impl Reflex {
     pub(super) fn new(space: &ActionSpace) -> Self {
         Self {
-            ruled_out: Vec::new(),
             opposites: space.opposites(),
+            gripper: GripperSignal::default().classes(space),
+            ..Self::default()
         }
     }
 
@@ -31,8 +40,13 @@ impl Reflex {
         after: &Observation,
         still_levels: f32,
     ) {
+        for (_, age) in &mut self.recent {
+            *age += 1;
+        }
+        self.recent.retain(|(_, age)| *age <= MEMORY_STEPS);
         if largest_change(before, after) < still_levels {
             self.ruled_out.push(tried.to_vec());
+            self.recent.extend(tried.first().map(|class| (*class, 0)));
         } else {
             self.ruled_out.clear();
         }
@@ -41,7 +55,8 @@ impl Reflex {
     /// The most probable classes that are not ruled out; the most probable ones if nothing is left.
     /// Where all that is left is less probable than `least_substitute`, what undoes the one that had no
     /// effect: a hand that is stopped on its way is in the wrong place, and the next best class, such as
-    /// closing the gripper there, is a guess.
+    /// closing the gripper there, is a guess. Where it had no effect lately either, undoing it did not
+    /// help, and would not end: then the next best class after all, but never the gripper on a guess.
     ///
     /// Only spaces with one head (primitives) have something ruled out: with several, the most
     /// probable classes always stand.
@@ -54,18 +69,26 @@ impl Reflex {
         let ([head], [wanted]) = (&distribution.heads[..], &best[..]) else {
             return best;
         };
-        let substitute = self
-            .allowed(head.len())
-            .max_by(|a, b| head[*a].total_cmp(&head[*b]).then(b.cmp(a)));
-        let undoes = self.opposites.get(*wanted).copied().flatten();
-        let undoes = undoes.filter(|class| self.allowed(head.len()).any(|a| a == *class));
-        match (substitute, undoes) {
-            (Some(class), Some(back)) if class != *wanted && head[class] < least_substitute => {
-                vec![back]
-            }
-            (Some(class), _) => vec![class],
-            (None, _) => best,
+        let most_probable = |skipped: &dyn Fn(usize) -> bool| {
+            self.allowed(head.len())
+                .filter(|class| !skipped(*class))
+                .max_by(|a, b| head[*a].total_cmp(&head[*b]).then(b.cmp(a)))
+        };
+        let Some(substitute) = most_probable(&|_| false) else {
+            return best;
+        };
+        if substitute == *wanted || head[substitute] >= least_substitute {
+            return vec![substitute];
         }
+        let undoes = self.opposites.get(*wanted).copied().flatten();
+        let is_undoing = |class: usize| Some(class) == undoes;
+        let again = self.recent.iter().filter(|(c, _)| c == wanted).count() > 1;
+        let instead = if again {
+            most_probable(&|class| is_undoing(class) || self.gripper.contains(&class))
+        } else {
+            most_probable(&|class| !is_undoing(class))
+        };
+        vec![instead.unwrap_or(substitute)]
     }
 
     /// Classes drawn by their probabilities, with what is ruled out left out: a robot that does the
@@ -172,6 +195,41 @@ mod tests {
         assert_eq!(reflex.choose(&policy(0.2), 0.25), [2]);
         reflex.note(&[2], &grey(10), &grey(10), 2.0);
         assert_eq!(reflex.choose(&policy(0.2), 0.25), [1], "up is blocked too");
+    }
+
+    #[test]
+    fn what_is_blocked_again_is_not_undone_again() {
+        let names = [
+            "hand_up",
+            "hand_down",
+            "gripper_open",
+            "gripper_close",
+            "back",
+        ];
+        let mut reflex = Reflex::new(&ActionSpace::Primitives {
+            names: names.map(str::to_owned).to_vec(),
+        });
+        let policy = ActionDistribution {
+            heads: vec![vec![0.8, 0.02, 0.1, 0.03, 0.05]],
+        };
+        let mut chosen = Vec::new();
+        let mut height = 2;
+        for _ in 0..6 {
+            let class = reflex.choose(&policy, 0.25)[0];
+            chosen.push(names[class]);
+            let before = grey(10 * height);
+            height = match class {
+                0 => (height + 1).min(3),
+                1 => height - 1,
+                _ => 9,
+            };
+            reflex.note(&[class], &before, &grey(10 * height), 2.0);
+        }
+        assert_eq!(
+            chosen[..5],
+            ["hand_up", "hand_up", "hand_down", "hand_up", "hand_up"]
+        );
+        assert_eq!(chosen[5], "back", "not down once more, nor the gripper");
     }
 
     #[test]

@@ -99,6 +99,15 @@ impl GripperSignal {
         Some(events)
     }
 
+    /// The primitives that close and open the gripper, as classes; none where that is read off a value.
+    #[must_use]
+    pub fn classes(&self, space: &ActionSpace) -> Vec<usize> {
+        match self.reader(space) {
+            Some(Reader::Index { close, open }) => vec![close, open],
+            Some(Reader::Value { .. }) | None => Vec::new(),
+        }
+    }
+
     fn reader(&self, space: &ActionSpace) -> Option<Reader> {
         match self {
             Self::Primitives { close, open } => {
