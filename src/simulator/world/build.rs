@@ -158,13 +158,13 @@ impl Builder {
         self.physics.insert_collider(collider, Some(body))
     }
 
-    /// A body that falls and can be pushed.
-    pub fn loose(&mut self, place: [f32; 3], yaw_rad: f32) -> RigidBodyHandle {
+    /// A body that falls and can be pushed; `damping_per_s` is how fast a spin dies away.
+    pub fn loose(&mut self, place: [f32; 3], yaw_rad: f32, damping_per_s: f32) -> RigidBodyHandle {
         let pose = shift(place[0], place[1], place[2]) * spin(Vector3::z(), yaw_rad);
         let body = RigidBodyBuilder::dynamic()
             .pose(Pose::from(pose))
             .ccd_enabled(true)
-            .angular_damping(1.0);
+            .angular_damping(damping_per_s);
         self.physics.insert_body(body)
     }
 }

@@ -4,7 +4,7 @@
 use std::f32::consts::FRAC_PI_2;
 
 use nalgebra::Isometry3;
-use rapier3d::prelude::{CoefficientCombineRule, Group, RigidBodyHandle};
+use rapier3d::prelude::{CoefficientCombineRule, ColliderBuilder, Group, RigidBodyHandle};
 
 use super::build::groups::{DRAWER, FLOOR, FURNITURE, LOOSE};
 use super::build::{Builder, Form, Substance};
@@ -18,6 +18,12 @@ const SOCK_RADIUS_M: f32 = 0.016;
 const SOCK_HALF_M: f32 = 0.036;
 /// What is left of the sock's radius between fingers: the wool around it gives way.
 const SOCK_CORE_RADIUS_M: f32 = 0.011;
+/// How fast a spin dies away; wool does not roll, however round it is.
+const DAMPING_PER_S: f32 = 1.0;
+const WOOL_DAMPING_PER_S: f32 = 12.0;
+const SOCK_FRICTION: f32 = 0.2;
+/// Half of the height of the sock's foot, which has most of its weight.
+const FOOT_HALF_M: f32 = 0.006;
 const CAN_RADIUS_M: f32 = 0.020;
 const CAN_HALF_M: f32 = 0.06;
 /// Half of the side of the tissue, a square.
@@ -35,6 +41,11 @@ const THING: Substance = Substance {
     others: Group::ALL,
 };
 
+/// As smooth as the smoother of two that touch.
+fn smooth(collider: ColliderBuilder) -> ColliderBuilder {
+    collider.friction_combine_rule(CoefficientCombineRule::Min)
+}
+
 impl Builder {
     /// A rolled-up sock.
     pub fn sock(&mut self, layout: &Layout, arrangement: &Arrangement) -> RigidBodyHandle {
@@ -50,21 +61,32 @@ impl Builder {
                 [x, y, layout.container.wall_m + SOCK_HALF_M + GAP_M]
             }
         };
-        let body = self.loose(place, arrangement.yaws_rad[0]);
+        let body = self.loose(place, arrangement.yaws_rad[0], WOOL_DAMPING_PER_S);
         let material = arrangement.palette.sock;
+        // What a push does to wool is to shift it, not to roll it away or tip it over for good: smooth,
+        // slow to spin, and heavy at the foot.
         let wool = Substance {
-            mass_kg: 0.01,
+            mass_kg: 0.004,
+            friction: SOCK_FRICTION,
             others: FLOOR | FURNITURE | DRAWER | LOOSE,
             ..THING
         };
-        let roll = Form::upright(SOCK_RADIUS_M, SOCK_HALF_M, Isometry3::identity());
-        self.attach(body, roll, wool, material);
         let core = Substance {
-            mass_kg: 0.02,
-            ..THING
+            others: Group::ALL,
+            ..wool
         };
-        let roll = Form::upright(SOCK_CORE_RADIUS_M, SOCK_HALF_M, Isometry3::identity());
-        self.feel(body, roll.collider, core);
+        let foot = Substance {
+            mass_kg: 0.022,
+            ..wool
+        };
+        let mut roll = Form::upright(SOCK_RADIUS_M, SOCK_HALF_M, Isometry3::identity());
+        roll.collider = smooth(roll.collider);
+        self.attach(body, roll, wool, material);
+        let inside = Form::upright(SOCK_CORE_RADIUS_M, SOCK_HALF_M, Isometry3::identity());
+        self.feel(body, smooth(inside.collider), core);
+        let low = shift(0.0, 0.0, FOOT_HALF_M - SOCK_HALF_M);
+        let bottom = Form::upright(SOCK_CORE_RADIUS_M, FOOT_HALF_M, low);
+        self.feel(body, smooth(bottom.collider), foot);
         body
     }
 
@@ -75,12 +97,10 @@ impl Builder {
             |place| (place, layout.shelf.top_m),
         );
         let place = [x, y, below + CAN_HALF_M + GAP_M];
-        let body = self.loose(place, arrangement.yaws_rad[1]);
+        let body = self.loose(place, arrangement.yaws_rad[1], DAMPING_PER_S);
         let mut can = Form::upright(CAN_RADIUS_M, CAN_HALF_M, Isometry3::identity());
         // Smooth enough that a push moves it along instead of tipping it over.
-        can.collider = can
-            .collider
-            .friction_combine_rule(CoefficientCombineRule::Min);
+        can.collider = smooth(can.collider);
         let tin = Substance {
             friction: 0.15,
             ..THING
@@ -96,7 +116,8 @@ impl Builder {
             |place| (place, layout.night_stand.top_m),
         );
         let place = [x, y, below + SKIRT_HALF_M + GAP_M];
-        let body = self.loose(place, arrangement.yaws_rad[2].rem_euclid(FRAC_PI_2));
+        let yaw_rad = arrangement.yaws_rad[2].rem_euclid(FRAC_PI_2);
+        let body = self.loose(place, yaw_rad, DAMPING_PER_S);
         let material = arrangement.palette.tissue;
         let half = [TISSUE_HALF_M, TISSUE_HALF_M, SKIRT_HALF_M];
         // The skirt gives way to the gripper, the peak does not.
