@@ -307,6 +307,13 @@ impl TrainingConfig {
                 "it must be at least 0 and below 1",
             )?;
         }
+        let share = sampling.missed_grasp_share;
+        demand(
+            share + sampling.hard_share.max(sampling.look_alike_share) < 1.0,
+            "sampling.missed_grasp_share",
+            share,
+            "with hard_share, and with look_alike_share, it must leave a share for the other pairs: below 1 in all",
+        )?;
         demand(
             self.optimiser.learning_rate > 0.0,
             "optimiser.learning_rate",
@@ -339,6 +346,20 @@ mod tests {
     #[test]
     fn a_misspelt_field_is_refused() {
         assert!(serde_json::from_str::<TrainingConfig>(r#"{"stepz": 3}"#).is_err());
+    }
+
+    #[test]
+    fn shares_that_leave_nothing_for_the_other_pairs_are_refused() {
+        for (hard, look_alike) in [(0.6, 0.0), (0.0, 0.6)] {
+            let mut config = TrainingConfig::default();
+            config.sampling.hard_share = hard;
+            config.sampling.look_alike_share = look_alike;
+            config.sampling.missed_grasp_share = 0.3;
+            config.check().unwrap();
+            config.sampling.missed_grasp_share = 0.5;
+            let message = config.check().unwrap_err().to_string();
+            assert!(message.contains("sampling.missed_grasp_share"), "{message}");
+        }
     }
 
     #[test]

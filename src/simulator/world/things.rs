@@ -18,8 +18,9 @@ const SOCK_RADIUS_M: f32 = 0.016;
 const SOCK_HALF_M: f32 = 0.036;
 /// What is left of the sock's radius between fingers: the wool around it gives way.
 const SOCK_CORE_RADIUS_M: f32 = 0.011;
-/// How fast a spin dies away; wool does not roll, however round it is.
+/// How fast a spin dies away.
 const DAMPING_PER_S: f32 = 1.0;
+/// The same for wool, which does not roll, however round it is.
 const WOOL_DAMPING_PER_S: f32 = 12.0;
 const SOCK_FRICTION: f32 = 0.2;
 /// Half of the height of the sock's foot, which has most of its weight.
