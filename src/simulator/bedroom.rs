@@ -107,27 +107,21 @@ impl Bedroom {
     pub fn observe(&mut self) -> Observation {
         let scene = self.scene();
         let stance = self.world.robot().stance;
-        let views = [
-            (HEAD_CAMERA, stance.world_from_head_camera(), HEAD_FOV_RAD),
-            (
-                WRIST_CAMERA,
-                stance.world_from_wrist_camera(),
-                WRIST_FOV_RAD,
-            ),
-        ];
-        Observation::new(views.map(|(name, world_from_camera, vertical_fov_rad)| {
-            let image = self.renderer.render(
-                &scene,
-                &Camera {
-                    world_from_camera,
-                    vertical_fov_rad,
-                    height: CAMERA_HEIGHT,
-                    width: CAMERA_WIDTH,
-                },
-            );
-            let image = noisy(&image, self.arrangement.noise_levels, &mut self.noise);
-            (name.to_owned(), image)
-        }))
+        let camera = |world_from_camera, vertical_fov_rad| Camera {
+            world_from_camera,
+            vertical_fov_rad,
+            height: CAMERA_HEIGHT,
+            width: CAMERA_WIDTH,
+        };
+        let head = camera(stance.world_from_head_camera(), HEAD_FOV_RAD);
+        let wrist = camera(stance.world_from_wrist_camera(), WRIST_FOV_RAD);
+        let [head, wrist] = self.renderer.render_each(&scene, [&head, &wrist]);
+        Observation::new(
+            [(HEAD_CAMERA, head), (WRIST_CAMERA, wrist)].map(|(name, image)| {
+                let image = noisy(&image, self.arrangement.noise_levels, &mut self.noise);
+                (name.to_owned(), image)
+            }),
+        )
     }
 
     /// Which subgoals hold: for scores only, never for what plans or acts.
@@ -254,7 +248,8 @@ fn noisy(image: &Image, levels: f32, rng: &mut ChaCha8Rng) -> Image {
         .zip(lots.chunks_exact(2))
         .map(|(value, lot)| {
             let noise = (f32::from(lot[0]) - f32::from(lot[1])) * scale;
-            (f32::from(*value) + noise).round().clamp(0.0, 255.0) as u8
+            // Rounds; what lies outside of 0..=255 saturates.
+            (f32::from(*value) + noise + 0.5) as u8
         })
         .collect();
     Image::new(image.height(), image.width(), rgb).expect("noise keeps the size")

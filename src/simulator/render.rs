@@ -168,25 +168,42 @@ impl Renderer {
     /// # Panics
     /// When the picture has so many pixels that they do not fit into memory.
     pub fn render(&mut self, scene: &Scene, camera: &Camera) -> Image {
-        let eye = Eye::new(camera);
-        self.solids.clear();
-        self.solids.extend(
-            scene
-                .visuals
-                .iter()
-                .map(|visual| Solid::new(visual, &eye, &scene.lighting)),
-        );
-        self.raster.draw(&self.solids, &eye);
-        self.sun.rebuild(&self.solids, &scene.lighting);
-        self.occlusion.rebuild(&self.solids);
-        let shader = Shader::new(
-            &self.solids,
-            &self.sun,
-            &self.occlusion,
-            &scene.lighting,
-            &eye,
-        );
-        let rgb = shader.develop(&self.raster);
-        Image::new(camera.height, camera.width, rgb).expect("three bytes were made for each pixel")
+        let [image] = self.render_each(scene, [camera]);
+        image
+    }
+
+    /// Draws what each of several cameras sees of `scene`. The pictures are those that
+    /// [`render`](Self::render) draws; what the light needs is looked up once for all of them.
+    ///
+    /// # Panics
+    /// As [`render`](Self::render).
+    pub fn render_each<const CAMERAS: usize>(
+        &mut self,
+        scene: &Scene,
+        cameras: [&Camera; CAMERAS],
+    ) -> [Image; CAMERAS] {
+        let mut lit = false;
+        cameras.map(|camera| {
+            let eye = Eye::new(camera);
+            let solid = |visual| Solid::new(visual, &eye, &scene.lighting);
+            self.solids.clear();
+            self.solids.extend(scene.visuals.iter().map(solid));
+            if !lit {
+                self.sun.rebuild(&self.solids, &scene.lighting);
+                self.occlusion.rebuild(&self.solids);
+                lit = true;
+            }
+            self.raster.draw(&self.solids, &eye);
+            let shader = Shader::new(
+                &self.solids,
+                &self.sun,
+                &self.occlusion,
+                &scene.lighting,
+                &eye,
+            );
+            let rgb = shader.develop(&self.raster);
+            Image::new(camera.height, camera.width, rgb)
+                .expect("three bytes were made for each pixel")
+        })
     }
 }

@@ -32,6 +32,7 @@ struct Bounds {
 }
 
 impl Bounds {
+    #[inline]
     fn holds(&self, axis: usize, at: f32) -> bool {
         self.low[axis] <= at && at <= self.high[axis]
     }
@@ -65,6 +66,7 @@ impl ColumnGrid {
     }
 
     /// The solids whose bounds hold the point or lie beyond it along the direction of the grid.
+    #[inline]
     pub fn beyond(&self, point: &Vector3<f32>) -> impl Iterator<Item = usize> {
         let at = self.axes.map(|axis| axis.dot(point));
         self.cell(&at)
@@ -74,16 +76,19 @@ impl ColumnGrid {
             .map(|bounds| bounds.solid as usize)
     }
 
-    /// The solids whose bounds hold the point.
+    /// The solids that may hold the point within their bounds: those whose bounds do, and others
+    /// of the same cell.
+    #[inline]
     pub fn around(&self, point: &Vector3<f32>) -> impl Iterator<Item = usize> {
         let at = self.axes.map(|axis| axis.dot(point));
         self.cell(&at)
             .iter()
             .take_while(move |bounds| bounds.high[2] > at[2])
-            .filter(move |bounds| (0..3).all(|axis| bounds.holds(axis, at[axis])))
+            .filter(move |bounds| bounds.low[2] <= at[2])
             .map(|bounds| bounds.solid as usize)
     }
 
+    #[inline]
     fn cell(&self, at: &[f32; 3]) -> &[Bounds] {
         let [column, row] =
             [0, 1].map(|side| (at[side] - self.corner[side]) * self.cells_per_metre[side]);

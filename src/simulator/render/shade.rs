@@ -22,6 +22,9 @@ const HEADLIGHT: f32 = 0.20;
 /// What is seen where there is nothing: a pale ceiling.
 const NOTHING: [f32; 3] = [0.66, 0.68, 0.70];
 
+/// A highlight in one sample must not outshine the whole pixel.
+const BRIGHTEST: f32 = 2.5;
+
 /// The samples of one pixel that show the same surface, summed.
 #[derive(Clone, Copy, Debug, Default)]
 struct Patch {
@@ -110,6 +113,11 @@ impl<'a> Shader<'a> {
 
     fn pixel(&self, raster: &Raster, column: usize, row: usize, corners: &mut Corners) -> [f32; 3] {
         const COUNT: usize = SAMPLES * SAMPLES;
+        let corner = [column, row].map(|at| (at * SAMPLES) as f32 + 0.5);
+        if let Some((surface, patch)) = self.whole(raster, column, row) {
+            let colour = self.patch(surface, &patch, corner, corners);
+            return colour.map(|light| light.min(BRIGHTEST));
+        }
         let mut shown = [Raster::NOTHING; COUNT];
         let mut patches = [Patch::default(); COUNT];
         let mut kinds = 0;
@@ -130,15 +138,43 @@ impl<'a> Shader<'a> {
             patch.inverse_depth += raster.inverse_depth[sample];
         }
         let mut sum = [0.0; 3];
-        let corner = [column, row].map(|at| (at * SAMPLES) as f32 + 0.5);
         for (&surface, patch) in shown[..kinds].iter().zip(&patches) {
             let colour = self.patch(surface, patch, corner, corners);
             for (sum, light) in sum.iter_mut().zip(colour) {
-                // A highlight in one sample must not outshine the whole pixel.
-                *sum += light.min(2.5) * patch.samples;
+                *sum += light.min(BRIGHTEST) * patch.samples;
             }
         }
         sum.map(|light| light / COUNT as f32)
+    }
+
+    /// The one patch of a pixel whose samples all show the same surface, as most do.
+    #[inline]
+    fn whole(&self, raster: &Raster, column: usize, row: usize) -> Option<(u32, Patch)> {
+        /// Columns, or rows, of all samples of a pixel summed.
+        const MIDDLE: usize = SAMPLES * SAMPLES * (SAMPLES - 1) / 2;
+        let rows = std::array::from_fn::<_, SAMPLES, _>(|y| {
+            let first = (row * SAMPLES + y) * self.eye.width + column * SAMPLES;
+            first..first + SAMPLES
+        });
+        let surface = raster.shown[rows[0].start];
+        let mut patch = Patch {
+            samples: (SAMPLES * SAMPLES) as f32,
+            column: MIDDLE as f32,
+            row: MIDDLE as f32,
+            inverse_depth: 0.0,
+        };
+        for samples in rows {
+            if raster.shown[samples.clone()]
+                .iter()
+                .any(|&shown| shown != surface)
+            {
+                return None;
+            }
+            for depth in &raster.inverse_depth[samples] {
+                patch.inverse_depth += depth;
+            }
+        }
+        Some((surface, patch))
     }
 
     fn patch(
@@ -179,9 +215,7 @@ impl<'a> Shader<'a> {
         let material = &spot.solid.material;
         let albedo = self.albedo(spot);
         let up = 0.5 + 0.5 * spot.normal.z;
-        let open = self
-            .occlusion
-            .openness(self.solids, spot.own, &spot.point, &spot.normal);
+        let open = self.occlusion.openness(spot.own, &spot.point, &spot.normal);
         let ambient = self.lighting.ambient * open;
         let head = self.lighting.headlight * HEADLIGHT * spot.to_eye.dot(&spot.normal).max(0.0)
             / (1.0 + 0.2 * spot.distance * spot.distance);

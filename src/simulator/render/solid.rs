@@ -28,19 +28,27 @@ impl Eye {
             world_from_camera: *pose.rotation.to_rotation_matrix().matrix(),
             width: camera.width as usize * SAMPLES,
             height,
-            focal: 0.5 * height as f32 / (0.5 * camera.vertical_fov_rad).tan(),
+            focal: 0.5 * height as f32 / slope(0.5 * camera.vertical_fov_rad),
         }
     }
 
     /// Leftward slope of the ray through a column coordinate (sample `i` is centred at `i + 0.5`).
+    #[inline]
     pub fn slope_left(&self, column: f32) -> f32 {
         (0.5 * self.width as f32 - column) / self.focal
     }
 
     /// Upward slope of the ray through a row coordinate.
+    #[inline]
     pub fn slope_up(&self, row: f32) -> f32 {
         (0.5 * self.height as f32 - row) / self.focal
     }
+}
+
+/// The tangent, rounded from double precision. The last bit of a single one depends on whether the
+/// compiler or the C library works it out, and pixels at edges depend on that bit.
+fn slope(angle_rad: f32) -> f32 {
+    f64::from(angle_rad).tan() as f32
 }
 
 /// A visual with everything that is the same for all of its samples.
@@ -79,6 +87,7 @@ impl Solid {
     }
 
     /// Half of the sides of the tightest box along the local axes.
+    #[inline]
     pub fn half_extents(&self) -> Vector3<f32> {
         match self.shape {
             Shape::Box { half_extents } => Vector3::from(half_extents),
@@ -110,26 +119,9 @@ impl Solid {
         )
     }
 
-    /// Distance from a point of the world to the skin; negative inside.
-    pub fn distance(&self, point: &Vector3<f32>) -> f32 {
-        let local = self.world_from_local.tr_mul(&(point - self.center));
-        let beyond = match self.shape {
-            Shape::Box { half_extents } => local.abs() - Vector3::from(half_extents),
-            Shape::Cylinder {
-                radius,
-                half_height,
-            } => Vector3::new(
-                local.x.hypot(local.y) - radius,
-                f32::NEG_INFINITY,
-                local.z.abs() - half_height,
-            ),
-            Shape::Sphere { radius } => return local.norm() - radius,
-        };
-        beyond.sup(&Vector3::zeros()).norm() + beyond.max().min(0.0)
-    }
-
     /// Distance from the origin of a ray, in units of `direction`, to where it enters the solid, and
     /// the surface that it enters through; `None` when it misses or starts inside or behind.
+    #[inline]
     pub fn entry(&self, origin: &Vector3<f32>, direction: &Vector3<f32>) -> Option<(f32, Surface)> {
         match self.shape {
             Shape::Box { half_extents } => box_entry(half_extents, origin, direction),
@@ -142,6 +134,7 @@ impl Solid {
     }
 
     /// The outward normal at a point of a surface, both in the local frame.
+    #[inline]
     pub fn normal(&self, surface: Surface, point: &Vector3<f32>) -> Vector3<f32> {
         match surface {
             Surface::Face { axis, positive } => {
@@ -175,6 +168,7 @@ impl Surface {
         }
     }
 
+    #[inline]
     pub fn from_code(code: u32) -> Self {
         match code {
             0..=5 => Self::Face {

@@ -25,6 +25,7 @@ impl SunGrid {
 
     /// Whether the sun reaches a point of the surface of the solid `own`, which faces the sun. A
     /// convex solid never shades such a point itself.
+    #[inline]
     pub fn reaches(
         &self,
         solids: &[Solid],
@@ -46,7 +47,7 @@ impl SunGrid {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use nalgebra::{Isometry3, Vector3};
 
     use super::SunGrid;
@@ -54,11 +55,11 @@ mod tests {
     use crate::simulator::render::{Camera, Lighting, Material, Shape, Texture, Visual};
 
     /// Numbers in -1..=1 that look as if drawn.
-    fn spread(nth: usize, seed: f32) -> f32 {
+    pub fn spread(nth: usize, seed: f32) -> f32 {
         (nth as f32 * seed).sin()
     }
 
-    fn clutter() -> Vec<Solid> {
+    pub fn clutter() -> Vec<Solid> {
         let eye = Eye::new(&Camera {
             world_from_camera: Isometry3::identity(),
             vertical_fov_rad: 1.0,

@@ -326,3 +326,24 @@ fn brighter_light_gives_a_brighter_picture() {
     };
     assert!(lit(0.8) < lit(1.0) && lit(1.0) < lit(1.2));
 }
+
+#[test]
+fn several_cameras_see_what_each_would_see_alone() {
+    let scene = Scene {
+        visuals: vec![
+            cuboid([0.2, 0.3, 0.1], [1.2, 0.1, -0.2], RED),
+            cuboid([2.0, 2.0, 0.02], [1.5, 0.0, -0.4], BLUE),
+        ],
+        lighting: Lighting::default(),
+    };
+    let near = camera(18, 32);
+    let mut far = near;
+    far.world_from_camera.translation.vector = Vector3::new(-0.5, 0.3, 0.2);
+    let mut renderer = Renderer::new();
+    let together = renderer.render_each(&scene, [&near, &far]);
+    assert_ne!(together[0], together[1]);
+    assert_eq!(
+        together,
+        [&near, &far].map(|camera| Renderer::new().render(&scene, camera))
+    );
+}

@@ -48,8 +48,10 @@ impl Pattern {
 
     /// The colour at `(u, v)`, in repeats, of a surface with a tint, averaged over about
     /// `footprint` repeats.
+    #[inline]
     pub fn colour(&self, u: f32, v: f32, footprint: f32, tint: &[f32; 3]) -> [f32; 3] {
-        let level = (footprint * SIDE as f32).max(1.0).log2();
+        let texels = footprint * SIDE as f32;
+        let level = if texels > 1.0 { texels.log2() } else { 0.0 };
         let level = level.min((LEVELS - 1) as f32);
         let fine = level as usize;
         let share = level - fine as f32;
@@ -62,6 +64,7 @@ impl Pattern {
         std::array::from_fn(|channel| texel[channel] * (1.0 + tinted * (tint[channel] - 1.0)))
     }
 
+    #[inline]
     fn bilinear(&self, level: usize, u: f32, v: f32) -> Texel {
         let side = SIDE >> level;
         let texels = &self.levels[level];

@@ -21,6 +21,7 @@ pub(super) struct Spot<'a> {
 impl<'a> Spot<'a> {
     /// The point of a surface, by its code in the raster, that lies at `seen` in the frame of the
     /// camera.
+    #[inline]
     pub fn new(surface: u32, seen: &Vector3<f32>, solids: &'a [Solid], eye: &Eye) -> Self {
         let own = (surface / 8) as usize;
         let solid = &solids[own];
@@ -43,6 +44,7 @@ impl<'a> Spot<'a> {
     }
 
     /// Where a spot lies on its pattern, in repeats, and how many repeats a metre has there.
+    #[inline]
     pub fn place(&self) -> (f32, f32, f32) {
         let solid = self.solid;
         let scale = solid.material.scale;
