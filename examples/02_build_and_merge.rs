@@ -69,14 +69,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             .iter()
             .map(|t| vec![(end.clone(), t.steps.len() - 1)])
             .collect();
-        graphs.push(build(
-            set,
-            &subgoals,
-            &model,
-            &model,
-            &BuildOptions::default(),
-            &|_| {},
-        )?);
+        let options = BuildOptions::default();
+        let built = build(set, &subgoals, &model, &model, &options, &|_| {})?;
+        graphs.push(built.graph);
     }
     let options = MergeOptions {
         candidates: CrossTaskCandidates::All,

@@ -125,7 +125,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         task: "walk".into(),
         name: "end".into(),
     };
-    let graph = build(
+    let built = build(
         &set,
         &[vec![(end.clone(), 9)]],
         &oracle,
@@ -138,7 +138,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         subgoals: vec![end],
     }]);
     let planner = Planner::new(
-        Arc::new(graph),
+        Arc::new(built.graph),
         &automaton,
         &FinalChoice::Cheapest,
         PlannerOptions::default(),

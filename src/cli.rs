@@ -2,6 +2,7 @@
 //! the library.
 
 mod arguments;
+mod bench;
 mod compose;
 mod demos;
 mod error;
@@ -33,6 +34,7 @@ pub fn main() -> ExitCode {
         Command::Compose(a) => compose::compose(a, &arguments),
         Command::Run(a) => run::run(a, &arguments),
         Command::Evaluate(a) => evaluate::evaluate(a, &arguments),
+        Command::Bench(a) => bench::bench(a, &arguments),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -7,6 +7,7 @@ mod evaluation;
 mod interval;
 mod score;
 mod scored;
+mod step_bench;
 mod watched;
 
 pub use detection::ShortcutDetection;
@@ -14,4 +15,5 @@ pub use evaluation::{EpisodeResult, Evaluation, SubgoalTally};
 pub use interval::wilson_interval_95;
 pub use score::{Score, SubgoalOutcome};
 pub use scored::ScoredBedroom;
+pub use step_bench::StepBench;
 pub use watched::Watched;

@@ -14,14 +14,16 @@ mod learned;
 mod merge;
 mod node;
 mod progress;
+mod proposals;
 mod prune;
+mod resample;
 mod scoring;
 mod statistics;
 #[cfg(test)]
 mod tests;
 mod topological;
 
-pub use build::{BuildOptions, build};
+pub use build::{BuildOptions, Built, PairCandidates, ScoringReport, build};
 pub use candidates::CrossTaskCandidates;
 pub use edge::{Edge, EdgeKind};
 pub use error::GraphError;
@@ -29,7 +31,9 @@ pub use learned::LearnedEdges;
 pub use merge::{MergeOptions, MergeReport, Merged, SeamReport, merge};
 pub use node::{Node, NodeId};
 pub use progress::{GraphPhase, GraphProgress, ProgressFn};
+pub use proposals::{ConnectionEmbedding, most_connected};
 pub use prune::{PruneOptions, prune};
+pub use resample::resampled;
 pub use scoring::ScoredPair;
 pub use statistics::{CrossTaskEdge, CrossTaskStatistics, GraphStatistics, TaskStatistics};
 pub use topological::TopologicalGraph;

@@ -8,6 +8,7 @@ mod error;
 mod event;
 mod hypotheses;
 mod monitor;
+mod nearby;
 mod options;
 mod reflex;
 mod run;

@@ -35,6 +35,8 @@ pub enum Command {
     Run(RunArguments),
     /// Measure the success rate of a task or a composition over many episodes.
     Evaluate(EvaluateArguments),
+    /// Time the steps of the closed loop on graphs of growing size, on this machine.
+    Bench(BenchArguments),
 }
 
 /// `catena record`
@@ -129,6 +131,10 @@ pub struct GraphBuildArguments {
     /// Where the graph goes; by default where the task says.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    /// Score only this share (above 0, at most 1) of all states for each state, those that are most
+    /// probably connected, instead of all; 0.05 finds nearly all edges of the bedroom.
+    #[arg(long)]
+    pub nearest: Option<f64>,
 }
 
 /// `catena graph merge`
@@ -216,9 +222,40 @@ pub struct EvaluateArguments {
     /// How much the world varies.
     #[arg(long, value_enum, default_value_t = LevelArgument::Paper)]
     pub level: LevelArgument,
+    /// Ask at each step how far only so many states are in each direction, those that seem nearest, instead
+    /// of all: for large graphs.
+    #[arg(long)]
+    pub nearest_states: Option<usize>,
     /// How to plan: with subgoals in order, or the paper's way.
     #[arg(long, value_enum, default_value_t = PlannerArgument::InOrder)]
     pub planner: PlannerArgument,
+}
+
+/// `catena bench`
+#[derive(Debug, Args)]
+pub struct BenchArguments {
+    /// The YAML file of the composition whose model and graphs are used.
+    #[arg(default_value = "tasks/sequences/sock_then_trash.yaml")]
+    pub file: PathBuf,
+    /// Sizes of the graphs: demonstrations are left out or copied until there are so many states.
+    #[arg(long, value_delimiter = ',', default_values_t = [630, 2100, 6300])]
+    pub states: Vec<usize>,
+    /// Steps that are timed on each graph, fewer where the robot has finished before.
+    #[arg(long, default_value_t = 100)]
+    pub steps: usize,
+    /// Ask at each step how far only so many states are in each direction, those that seem nearest, instead
+    /// of all.
+    #[arg(long)]
+    pub nearest_states: Option<usize>,
+    /// Steps of the plain implementation that are timed.
+    #[arg(long, default_value_t = 20)]
+    pub plain_steps: usize,
+    /// Seed of the episode and of the noise on copies.
+    #[arg(long, default_value_t = 100)]
+    pub seed: u64,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Level of variation.

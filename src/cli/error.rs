@@ -63,6 +63,14 @@ pub(super) enum CliError {
         /// What there is.
         known: String,
     },
+    /// A share that is none.
+    #[error(
+        "--nearest is {share}; it is a share of all states, above 0 and at most 1, such as 0.05"
+    )]
+    ShareOutOfRange {
+        /// What was given.
+        share: f64,
+    },
     /// A training was begun there.
     #[error("{} holds a training already: go on with --resume, or name another folder with --run", run.display())]
     RunExists {
@@ -93,6 +101,12 @@ pub(super) enum CliError {
         /// What it names.
         found: String,
     },
+    /// The process that measures one engine cannot be started.
+    #[error("cannot start another catena to measure the other engine: {0}; name one with --engine")]
+    Child(std::io::Error),
+    /// The process that measures one engine failed, and has said why.
+    #[error("the measurement with the embedded engine failed; its own message stands above")]
+    ChildFailed,
     /// A folder of the results cannot be made.
     #[error("{}: {source}", path.display())]
     Io {

@@ -6,7 +6,7 @@ use super::loaded::Loaded;
 use super::{progress, shortcuts};
 use crate::experiment::{EpisodeResult, Evaluation, ScoredBedroom};
 use crate::planner::PlannerOptions;
-use crate::rollout::Rollout;
+use crate::rollout::{Rollout, RolloutOptions};
 use crate::simulator::{Bedroom, BedroomConfig};
 
 /// `catena evaluate`: episodes on seeds of their own, side by side on all cores.
@@ -25,7 +25,10 @@ pub(super) fn evaluate(
         let mut rollout = Rollout::new(
             loaded.rollout_model(),
             planner.clone(),
-            loaded.rollout_options(),
+            RolloutOptions {
+                nearest_states: evaluate_arguments.nearest_states,
+                ..loaded.rollout_options()
+            },
         )?;
         let episode = rollout.run(&mut room, seed, &mut ())?;
         Ok(EpisodeResult::new(seed, &episode, room.score()))

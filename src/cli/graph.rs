@@ -11,7 +11,8 @@ use super::loaded::{GraphFolders, merge_options, show as show_progress};
 use super::progress;
 use crate::composer::load_task;
 use crate::graph::{
-    BuildOptions, EdgeKind, GraphStatistics, Node, NodeId, TopologicalGraph, build, merge,
+    BuildOptions, EdgeKind, GraphStatistics, Node, NodeId, PairCandidates, ScoringReport,
+    TopologicalGraph, build, merge,
 };
 use crate::inference::Model;
 use crate::planner::{SuspectEdge, suspects};
@@ -33,11 +34,16 @@ const SUSPICIOUS_GAIN_STEPS: f32 = 12.0;
 /// Suspect edges that `graph show` prints; JSON has all of them.
 const LISTED_SUSPECTS: usize = 20;
 
+/// Share of the states on either side of the sample from which `--nearest` learns what is near.
+const SAMPLED_STATES: f64 = 0.12;
+
 /// What `graph show --json` prints.
 #[derive(Serialize)]
 struct GraphReport {
     #[serde(flatten)]
     statistics: GraphStatistics,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scoring: Option<ScoringReport>,
     #[serde(skip_serializing_if = "Option::is_none")]
     suspects: Option<Vec<SuspectEdge>>,
 }
@@ -69,7 +75,10 @@ fn build_graph(
         .out
         .clone()
         .unwrap_or_else(|| task.graph.clone());
-    let options = BuildOptions::default();
+    let options = BuildOptions {
+        candidates: candidates(build_arguments.nearest)?,
+        ..BuildOptions::default()
+    };
     let digest = demonstrations_digest(&paths)?;
     if is_up_to_date(
         &out,
@@ -91,23 +100,54 @@ fn build_graph(
         .map(|t| locate_subgoals(&task.rules, t))
         .collect::<Result<_, _>>()?;
     let bar = progress::bar("building", 0);
-    let graph = build(&set, &subgoals, &model, &model, &options, &|p| {
+    let built = build(&set, &subgoals, &model, &model, &options, &|p| {
         show_progress(&bar, p);
     })?;
+    let (graph, scoring) = (built.graph, built.report);
     bar.finish_and_clear();
-    let manifest = GraphManifest::new(
+    let mut manifest = GraphManifest::new(
         std::slice::from_ref(&task.task),
         model.digest(),
         digest,
         serde_json::to_value(&options)?,
     );
+    manifest.scoring = Some(scoring);
     save_graph_with_images(&out, &graph, &manifest, pictures(&set, &graph))?;
     println!(
-        "{}\nin {}",
+        "{}\n{}\nin {}",
         GraphStatistics::new(&graph, LISTED_EDGES),
+        in_words(&scoring),
         out.display()
     );
     Ok(())
+}
+
+/// Which pairs to score for `--nearest`.
+fn candidates(nearest: Option<f64>) -> Result<PairCandidates, CliError> {
+    match nearest {
+        None => Ok(PairCandidates::All),
+        Some(share) if share > 0.0 && share <= 1.0 => Ok(PairCandidates::Nearest {
+            share,
+            sample: SAMPLED_STATES,
+        }),
+        Some(share) => Err(CliError::ShareOutOfRange { share }),
+    }
+}
+
+/// How many pairs were scored, and what that missed.
+fn in_words(scoring: &ScoringReport) -> String {
+    let share = 100.0 * scoring.scored_pairs as f64 / scoring.all_pairs.max(1) as f64;
+    let recall = scoring.recall.map_or_else(String::new, |recall| {
+        format!(
+            "; the candidates hold {:.1} % of the edges of {} states of which all pairs were scored",
+            100.0 * recall,
+            scoring.probe_states
+        )
+    });
+    format!(
+        "pairs scored: {} of {} ({share:.1} %){recall}",
+        scoring.scored_pairs, scoring.all_pairs
+    )
 }
 
 /// Whether a graph of the same model, demonstrations and options is there: a killed build goes on with
@@ -220,6 +260,7 @@ fn show(arguments: &GraphShowArguments) -> Result<(), CliError> {
     if arguments.json {
         let report = GraphReport {
             statistics,
+            scoring: manifest.scoring,
             suspects: found,
         };
         println!("{}", serde_json::to_string_pretty(&report)?);
@@ -230,6 +271,9 @@ fn show(arguments: &GraphShowArguments) -> Result<(), CliError> {
         "model {}",
         &manifest.model_digest[..12.min(manifest.model_digest.len())]
     );
+    if let Some(scoring) = &manifest.scoring {
+        println!("{}", in_words(scoring));
+    }
     let ends: Vec<NodeId> = graph
         .nodes()
         .filter(|(_, n)| n.is_end)

@@ -133,8 +133,7 @@ impl Stage<'_> {
         let mut watched = Watched::new(Monitor::new(
             self.loaded.rollout_model(),
             &self.in_order,
-            options.filter.clone(),
-            options.near_probability,
+            &options,
         )?);
         let automaton = &self.loaded.composition.automaton;
         let mut room = ScoredBedroom::new(Bedroom::new(self.bedroom), automaton);

@@ -166,7 +166,7 @@ fn tally(subgoals: &[String], results: &[EpisodeResult]) -> Vec<SubgoalTally> {
 }
 
 /// The value below which a share of sorted values lies (nearest rank); 0 for no values.
-fn quantile(sorted: &[f64], share: f64) -> f64 {
+pub(super) fn quantile(sorted: &[f64], share: f64) -> f64 {
     let rank = (share * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.max(1) - 1).copied().unwrap_or(0.0)
 }

@@ -1,5 +1,9 @@
+use std::collections::HashSet;
+
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::proposals::{ConnectionEmbedding, most_connected};
 use super::scoring::Scorer;
 use super::{
     Edge, EdgeKind, GraphError, GraphPhase, GraphProgress, LearnedEdges, Node, NodeId, ProgressFn,
@@ -9,12 +13,64 @@ use crate::model::{Encoder, Traversability};
 use crate::task::Subgoal;
 use crate::trajectory::{DemonstrationSet, Trajectory};
 
+/// States whose pairs are all scored to measure how many edges the candidates miss.
+const PROBE_STATES: usize = 16;
+
+/// Which pairs of states of different demonstrations the network is asked about.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PairCandidates {
+    /// All of them, as in the paper.
+    #[default]
+    All,
+    /// For each state those that a [`ConnectionEmbedding`] holds for most probably connected.
+    Nearest {
+        /// How many, as a share (0..=1) of all states.
+        share: f64,
+        /// Share (0..=1) of the states on either side of the sample that the embedding is learnt from; its
+        /// square is the share of the pairs that it takes.
+        sample: f64,
+    },
+}
+
+impl PairCandidates {
+    fn is_all(&self) -> bool {
+        *self == Self::All
+    }
+}
+
+/// A graph and what it took.
+#[derive(Clone, Debug)]
+pub struct Built {
+    /// The states of all demonstrations with temporal and learned edges.
+    pub graph: TopologicalGraph,
+    /// How many pairs were scored, and what that missed.
+    pub report: ScoringReport,
+}
+
+/// What the learned edges of a graph took.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScoringReport {
+    /// Pairs that all states make.
+    pub all_pairs: u64,
+    /// Pairs that the network was asked about, those of the sample and of the probe included.
+    pub scored_pairs: u64,
+    /// States of which all pairs were scored too, to measure the recall.
+    pub probe_states: usize,
+    /// Share of the edges of these states that the candidates found; `None` where all pairs were scored.
+    pub recall: Option<f64>,
+}
+
 /// How a graph is built.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct BuildOptions {
     /// Which predicted pairs become edges.
     pub learned: LearnedEdges,
+    /// Which pairs are scored.
+    #[serde(skip_serializing_if = "PairCandidates::is_all")]
+    pub candidates: PairCandidates,
     /// How many states are encoded at once.
     pub encode_batch: usize,
 }
@@ -23,6 +79,7 @@ impl Default for BuildOptions {
     fn default() -> Self {
         Self {
             learned: LearnedEdges::default(),
+            candidates: PairCandidates::All,
             encode_batch: 64,
         }
     }
@@ -33,8 +90,8 @@ impl Default for BuildOptions {
 /// takes for fewer than `d_max` steps apart by learned edges.
 ///
 /// `subgoal_steps` has an entry for each demonstration: the task's subgoals with the step at which
-/// each is first reached. All pairs are scored, in blocks and in parallel; the same input gives the
-/// same graph on any number of threads.
+/// each is first reached. Pairs are scored in blocks and in parallel; the same input gives the same
+/// graph on any number of threads.
 ///
 /// # Errors
 /// [`GraphError::Model`] when the model gives no answer, [`GraphError::DMaxDiffers`] when encoder and
@@ -48,7 +105,7 @@ pub fn build(
     traversability: &(dyn Traversability + Sync),
     options: &BuildOptions,
     progress: ProgressFn<'_>,
-) -> Result<TopologicalGraph, GraphError> {
+) -> Result<Built, GraphError> {
     check(demonstrations, subgoal_steps, encoder, traversability)?;
     let mut graph = TopologicalGraph::new(encoder.spec().latent_dim, traversability.d_max());
     let mut done = 0;
@@ -68,8 +125,8 @@ pub fn build(
             total: demonstrations.step_count() as u64,
         });
     }
-    add_learned_edges(&mut graph, traversability, &options.learned, progress)?;
-    Ok(graph)
+    let report = add_learned_edges(&mut graph, traversability, options, progress)?;
+    Ok(Built { graph, report })
 }
 
 fn check(
@@ -161,18 +218,24 @@ fn node_at(
     }
 }
 
-/// Scores all pairs of the graph's nodes and adds those that the rule accepts.
+/// Scores pairs of the graph's nodes and adds those that the rule accepts.
 fn add_learned_edges(
     graph: &mut TopologicalGraph,
     traversability: &(dyn Traversability + Sync),
-    rule: &LearnedEdges,
+    options: &BuildOptions,
     progress: ProgressFn<'_>,
-) -> Result<(), GraphError> {
+) -> Result<ScoringReport, GraphError> {
     let projections = traversability.project(graph.latents())?;
     let spans = trajectory_spans(graph);
     let count = graph.node_count();
     let nodes: Vec<u32> = (0..count as u32).collect();
-    let partners = |node: u32| {
+    let rule = &options.learned;
+    let may_join = |node: u32, to: u32| {
+        let (start, end) = spans[node as usize];
+        // A temporal edge is there already, and a state is not its own successor.
+        !(start..end).contains(&to) || (rule.same_trajectory && to != node && to != node + 1)
+    };
+    let all_partners = |node: u32| {
         let (start, end) = spans[node as usize];
         if rule.same_trajectory {
             count
@@ -180,16 +243,10 @@ fn add_learned_edges(
             count - (end - start) as usize
         }
     };
-    let targets = |node: u32, out: &mut Vec<u32>| {
-        let (start, end) = spans[node as usize];
-        out.extend((0..count as u32).filter(|&to| {
-            let inside = (start..end).contains(&to);
-            // A temporal edge is there already, and a state is not its own successor.
-            !inside || (rule.same_trajectory && to != node && to != node + 1)
-        }));
+    let all_targets = |node: u32, out: &mut Vec<u32>| {
+        out.extend((0..count as u32).filter(|to| may_join(node, *to)));
     };
-    let total = nodes.iter().map(|n| partners(*n) as u64).sum();
-    let scored = Scorer {
+    let scorer = |total: u64| Scorer {
         traversability,
         projections: &projections,
         rule,
@@ -198,12 +255,61 @@ fn add_learned_edges(
         progress,
         done_before: 0,
         total,
-    }
-    .score(&nodes, &partners, &targets)?;
+    };
+    let mut report = ScoringReport {
+        all_pairs: nodes.iter().map(|n| all_partners(*n) as u64).sum(),
+        scored_pairs: 0,
+        probe_states: 0,
+        recall: None,
+    };
+    let scored = match options.candidates {
+        PairCandidates::Nearest { share, sample } if count > 0 => {
+            let embedding = ConnectionEmbedding::fit(traversability, &projections, sample, 0)?;
+            let from = embedding.embed_from(&projections.from);
+            let to = embedding.embed_to(&projections.to);
+            let nearest = (share.clamp(0.0, 1.0) * count as f64).ceil() as usize;
+            let proposed: Vec<Vec<u32>> = nodes
+                .par_iter()
+                .map(|node| {
+                    most_connected(from.row(*node as usize), &to, nearest, |b| {
+                        may_join(*node, b)
+                    })
+                })
+                .collect();
+            let total = proposed.iter().map(|targets| targets.len() as u64).sum();
+            let scored =
+                scorer(total).score(&nodes, &|n| proposed[n as usize].len(), &|n, out| {
+                    out.extend(&proposed[n as usize]);
+                })?;
+            let probe: Vec<u32> = nodes
+                .iter()
+                .step_by(count.div_ceil(PROBE_STATES))
+                .copied()
+                .collect();
+            let total = probe.iter().map(|n| all_partners(*n) as u64).sum();
+            let whole = scorer(total).score(&probe, &all_partners, &all_targets)?;
+            report.probe_states = probe.len();
+            report.recall = Some(recall(&scored.edges, &whole.edges));
+            report.scored_pairs = embedding.scored_pairs() + whole.pair_count;
+            scored
+        }
+        _ => scorer(report.all_pairs).score(&nodes, &all_partners, &all_targets)?,
+    };
+    report.scored_pairs += scored.pair_count;
     for (from, to, edge) in scored.edges {
         graph.push_edge(from, to, edge);
     }
-    Ok(())
+    Ok(report)
+}
+
+/// The share of `all` edges that are among those `found`; 1 where there are none.
+fn recall(found: &[(NodeId, NodeId, Edge)], all: &[(NodeId, NodeId, Edge)]) -> f64 {
+    let found: HashSet<(NodeId, NodeId)> = found.iter().map(|(a, b, _)| (*a, *b)).collect();
+    let hits = all.iter().filter(|(a, b, _)| found.contains(&(*a, *b)));
+    if all.is_empty() {
+        return 1.0;
+    }
+    hits.count() as f64 / all.len() as f64
 }
 
 /// For each node, the range of nodes that belong to its demonstration.

@@ -86,4 +86,12 @@ pub enum GraphError {
         /// The tasks that are there, separated by commas.
         known: String,
     },
+    /// A graph with so few states cannot show every task.
+    #[error("{found} states are fewer than one demonstration of each task takes: at least {least}")]
+    TooFewStates {
+        /// The least number.
+        least: usize,
+        /// The number that was asked for.
+        found: usize,
+    },
 }

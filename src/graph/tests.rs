@@ -38,7 +38,7 @@ fn two_lines(options: &BuildOptions) -> (TopologicalGraph, u64) {
         &silent,
     );
     (
-        graph.expect("the fakes fit"),
+        graph.expect("the fakes fit").graph,
         oracle.pairs.load(Ordering::Relaxed),
     )
 }
@@ -346,4 +346,62 @@ fn merging_what_does_not_belong_together_is_refused() {
         refused(&[&longer], &[]),
         GraphError::DMaxDiffers { found: 7, .. }
     ));
+}
+
+#[test]
+fn nearest_candidates_find_the_edges_of_the_exhaustive_build_with_fewer_pairs() {
+    let set = demonstrations(
+        "a",
+        &[
+            line(0, 0, 60),
+            line(2, 0, 60),
+            line(1, 1, 60),
+            line(0, 9, 60),
+        ],
+    );
+    let build_with = |candidates| {
+        let options = BuildOptions {
+            candidates,
+            ..BuildOptions::default()
+        };
+        let oracle = Oracle::new(D_MAX, forward);
+        let encoder = PixelEncoder::new(D_MAX);
+        let steps = vec![vec![]; 4];
+        let built = build(&set, &steps, &encoder, &oracle, &options, &silent);
+        (
+            built.expect("the fakes fit"),
+            oracle.pairs.load(Ordering::Relaxed),
+        )
+    };
+    let (all, every_pair) = build_with(PairCandidates::All);
+    assert_eq!(all.report.scored_pairs, all.report.all_pairs);
+    assert_eq!(
+        (all.report.recall, every_pair),
+        (None, all.report.all_pairs)
+    );
+    let (near, pairs) = build_with(PairCandidates::Nearest {
+        share: 0.1,
+        sample: 0.3,
+    });
+    assert_eq!(near.report.scored_pairs, pairs);
+    assert!(pairs < every_pair / 3, "{pairs} of {every_pair}");
+    let found = all
+        .graph
+        .edges()
+        .filter(|(a, b, _)| near.graph.edge(*a, *b).is_some());
+    let recall = found.count() as f64 / all.graph.edge_count() as f64;
+    assert!(recall > 0.9, "{recall}");
+    let measured = near.report.recall.expect("it is measured");
+    assert!(
+        (measured - recall).abs() < 0.15,
+        "{measured} measured, {recall} true"
+    );
+    let edges = near.graph.edges();
+    for (a, b, edge) in edges {
+        assert_eq!(
+            all.graph.edge(a, b),
+            Some(edge),
+            "no edge that is not there otherwise"
+        );
+    }
 }

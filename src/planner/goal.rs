@@ -153,7 +153,7 @@ impl Planner {
     }
 
     /// What going from the current state straight to a place costs, if that may be planned.
-    fn live_price(
+    pub(super) fn live_price(
         &self,
         localisation: &Localisation,
         distances: &LiveDistances,

@@ -158,9 +158,14 @@ impl StageFilter {
     pub fn most_probable_places(&self, count: usize) -> Vec<(PlaceId, f64)> {
         let of_stage = |i: &usize| self.layout.places()[*i].stage == self.stage;
         let mut places: Vec<usize> = (0..self.belief.len()).filter(of_stage).collect();
-        places.sort_by(|a, b| self.belief[*b].total_cmp(&self.belief[*a]).then(a.cmp(b)));
+        let order =
+            |a: &usize, b: &usize| self.belief[*b].total_cmp(&self.belief[*a]).then(a.cmp(b));
+        if places.len() > count {
+            places.select_nth_unstable_by(count, order);
+            places.truncate(count);
+        }
+        places.sort_unstable_by(order);
         let least = places.first().map_or(0.0, |i| self.belief[*i] * RULED_OUT);
-        places.truncate(count);
         places.retain(|i| self.belief[*i] >= least);
         let total: f64 = places.iter().map(|i| self.belief[*i]).sum();
         places
@@ -193,11 +198,15 @@ impl StageFilter {
                 .predict(&self.layout, &self.options, &self.belief)
         };
         let lowest = self.lowest_stage();
+        let unknown = self.likelihood_of(None, None);
         for (mass, place) in belief.iter_mut().zip(self.layout.places()) {
             *mass *= if place.stage < lowest {
                 0.0
             } else {
-                self.likelihood(distances, place.node)
+                match (distances.to(place.node), distances.from(place.node)) {
+                    (None, None) => unknown,
+                    (to, from) => self.likelihood_of(to, from),
+                }
             };
         }
         normalise(&mut belief);
@@ -248,7 +257,7 @@ impl StageFilter {
 
     /// How well the distances from and to a state fit with the robot being at it: both are one step
     /// for the state itself, and more or less so for its neighbours.
-    fn likelihood(&self, distances: &LiveDistances, node: NodeId) -> f64 {
+    fn likelihood_of(&self, to: Option<&[f32]>, from: Option<&[f32]>) -> f64 {
         let near = |row: Option<&[f32]>| {
             let Some(row) = row else { return 0.0 };
             let mut weight = 1.0;
@@ -260,7 +269,7 @@ impl StageFilter {
             sum
         };
         let floor = self.options.floor;
-        let both = (floor + near(distances.to(node))) * (floor + near(distances.from(node)));
+        let both = (floor + near(to)) * (floor + near(from));
         both.powf(self.options.evidence_weight)
     }
 

@@ -1,12 +1,11 @@
 use std::sync::Arc;
 
+use super::nearby::Nearby;
 use super::running::Watch;
-use super::{Event, RolloutError, RolloutModel};
+use super::{Event, RolloutError, RolloutModel, RolloutOptions};
 use crate::graph::NodeId;
 use crate::model::{Latents, Projections};
-use crate::planner::{
-    FilterOptions, LiveDistances, Localisation, Planner, StageChange, StageFilter,
-};
+use crate::planner::{LiveDistances, Localisation, Planner, StageChange, StageFilter};
 use crate::task::Subgoal;
 use crate::trajectory::{Observation, State};
 
@@ -19,6 +18,7 @@ pub struct Monitor<'a> {
     filter: StageFilter,
     projections: Projections,
     candidates: Vec<NodeId>,
+    nearby: Option<Nearby>,
     subgoals: Vec<Subgoal>,
     near_probability: f32,
     history: Vec<Arc<Observation>>,
@@ -44,31 +44,35 @@ pub struct Sight {
 }
 
 impl<'a> Monitor<'a> {
-    /// A monitor for the composition of a planner. `near_probability` is the least probability (0..=1)
-    /// that a state is near for distances back from it to be asked for.
+    /// A monitor for the composition of a planner. Of the options it takes what concerns localisation.
     ///
     /// # Errors
     /// [`RolloutError::Model`] when the graph's latents are not the model's.
     pub fn new(
         model: RolloutModel<'a>,
         planner: &Planner,
-        options: FilterOptions,
-        near_probability: f32,
+        options: &RolloutOptions,
     ) -> Result<Self, RolloutError> {
         let latents = planner.graph().latents();
         let projections = model
             .traversability
             .project(latents)
             .map_err(|source| RolloutError::Model { step: 0, source })?;
-        let filter = planner.stage_filter(options);
+        let filter = planner.stage_filter(options.filter.clone());
         let candidates = filter.candidates();
+        let nearby = options
+            .nearest_states
+            .map(|count| Nearby::new(model.traversability, &projections, &candidates, count))
+            .transpose()
+            .map_err(|source| RolloutError::Model { step: 0, source })?;
         Ok(Self {
             model,
             filter,
             projections,
             candidates,
+            nearby,
             subgoals: planner.automaton().subgoals().to_vec(),
-            near_probability,
+            near_probability: options.near_probability,
             history: Vec::new(),
             step: 0,
             is_lost: false,
@@ -113,11 +117,15 @@ impl<'a> Monitor<'a> {
         let latent = self.model.encoder.encode(&[state]).map_err(failed)?;
         let encode_ms = watch.lap_ms();
         let current = self.model.traversability.project(&latent).map_err(failed)?;
+        let proposed = self
+            .nearby
+            .as_ref()
+            .map(|nearby| nearby.propose(&current, &self.filter));
         let distances = LiveDistances::query(
             self.model.traversability,
             &self.projections,
             &current,
-            &self.candidates,
+            proposed.as_ref().unwrap_or(&self.candidates),
             self.near_probability,
         )
         .map_err(failed)?;
@@ -201,6 +209,14 @@ mod tests {
     /// What a monitor says of a robot that is seen at these positions of a corridor, in which three
     /// demonstrations reach subgoals at 8, 16 and 24.
     fn told(positions: impl IntoIterator<Item = u8>) -> Vec<Event> {
+        told_asking(None, positions)
+    }
+
+    /// The same where only so many states are asked how far they are.
+    fn told_asking(
+        nearest_states: Option<usize>,
+        positions: impl IntoIterator<Item = u8>,
+    ) -> Vec<Event> {
         let walk = task("walk", &["first", "second", "third"]);
         let mut graph = TopologicalGraph::new(3, 5);
         for aside in 0..3 {
@@ -224,8 +240,13 @@ mod tests {
             traversability: &oracle,
             policy: &Nobody,
         };
-        let mut monitor = Monitor::new(model, &planner, FilterOptions::default(), 0.0)
-            .expect("the graph is of the oracle");
+        let options = RolloutOptions {
+            near_probability: 0.0,
+            nearest_states,
+            ..RolloutOptions::default()
+        };
+        let mut monitor =
+            Monitor::new(model, &planner, &options).expect("the graph is of the oracle");
         let mut events = Vec::new();
         for x in positions {
             let image = Image::new(1, 1, vec![x, 0, 0]).expect("one pixel");
@@ -246,6 +267,21 @@ mod tests {
             })
             .collect();
         assert_eq!(reached, ["first", "second", "third"]);
+    }
+
+    #[test]
+    fn asking_the_nearest_states_only_tells_the_same() {
+        let walk = |nearest_states| -> Vec<(usize, String)> {
+            told_asking(nearest_states, (0..25).chain([24; 4]))
+                .into_iter()
+                .map(|event| match event {
+                    Event::SubgoalReached { step, subgoal, .. } => (step, subgoal.name),
+                    other => panic!("{other}"),
+                })
+                .collect()
+        };
+        assert_eq!(walk(Some(20)), walk(None));
+        assert_eq!(walk(None).len(), 3);
     }
 
     #[test]

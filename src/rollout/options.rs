@@ -16,6 +16,9 @@ pub struct RolloutOptions {
     /// At how many of the most probable states the robot may be for the policy to be averaged over the
     /// goal states that follow from them; 1 takes the most probable one alone, as in the paper.
     pub hypotheses: usize,
+    /// At most so many states in each direction are asked how far they are at each step, those that an
+    /// embedding holds for nearest, and those where the robot is believed to be; `None` asks all.
+    pub nearest_states: Option<usize>,
     /// Least probability that a state is near for distances back from it to be asked for.
     pub near_probability: f32,
     /// Steps without a lower cost-to-go until actions are drawn by their probabilities instead of
@@ -45,6 +48,7 @@ impl Default for RolloutOptions {
             on_shortcut: OnShortcut::default(),
             filter: FilterOptions::default(),
             hypotheses: 12,
+            nearest_states: None,
             near_probability: 0.02,
             doubt_steps: 6,
             patience_steps: 12,

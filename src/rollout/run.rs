@@ -39,8 +39,7 @@ impl<'a> Rollout<'a> {
         planner: Planner,
         options: RolloutOptions,
     ) -> Result<Self, RolloutError> {
-        let filter = options.filter.clone();
-        let monitor = Monitor::new(model, &planner, filter, options.near_probability)?;
+        let monitor = Monitor::new(model, &planner, &options)?;
         Ok(Self {
             model,
             planner,

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::replace::write_file;
 use super::{StorageError, sha256_file};
-use crate::graph::TopologicalGraph;
+use crate::graph::{ScoringReport, TopologicalGraph};
 use crate::task::{Subgoal, Task};
 
 /// Version of the folder's format; another one is refused.
@@ -34,6 +34,9 @@ pub struct GraphManifest {
     pub demonstrations_digest: String,
     /// The options that the graph was built with.
     pub build_options: serde_json::Value,
+    /// What the learned edges took, where the program wrote that down.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scoring: Option<ScoringReport>,
     /// Number of traversability classes.
     pub d_max: usize,
     /// Values in a latent.
@@ -82,6 +85,7 @@ impl GraphManifest {
             model_digest: model_digest.into(),
             demonstrations_digest: demonstrations_digest.into(),
             build_options,
+            scoring: None,
             d_max: 0,
             latent_dim: 0,
             node_count: 0,

@@ -10,7 +10,7 @@ use rand::Rng;
 
 use super::worlds::{World, free_options, random_world, somewhere};
 use crate::graph::{Edge, EdgeKind, NodeId};
-use crate::planner::{EdgeChoice, FinalChoice, Planner, PlannerOptions, Search};
+use crate::planner::{EdgeChoice, FinalChoice, PlainSearch, Planner, PlannerOptions, Search};
 use crate::task::Transition;
 
 const TOLERANCE: f64 = 1e-9;
@@ -218,6 +218,8 @@ proptest! {
                 let localisation = somewhere(world.stage, planner.layout().stage_count());
                 let goal = planner.next_goal(&localisation, &world.distances);
                 prop_assert!(close(goal.as_ref().ok().map(|g| g.cost), reference));
+                let plain = PlainSearch::new(&planner).cost(&localisation, &world.distances);
+                prop_assert!(close(plain, reference));
                 if let Err(why) = goal {
                     prop_assert!(!why.advice.is_empty());
                 }
