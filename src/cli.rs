@@ -10,6 +10,7 @@ mod evaluate;
 mod gaps;
 mod graph;
 mod loaded;
+mod localise;
 mod progress;
 mod record;
 mod run;

@@ -5,6 +5,7 @@
 mod detection;
 mod evaluation;
 mod interval;
+mod localisation;
 mod score;
 mod scored;
 mod step_bench;
@@ -13,6 +14,7 @@ mod watched;
 pub use detection::ShortcutDetection;
 pub use evaluation::{EpisodeResult, Evaluation, SubgoalTally};
 pub use interval::wilson_interval_95;
+pub use localisation::{LocalisationError, LocalisationScore};
 pub use score::{Score, SubgoalOutcome};
 pub use scored::ScoredBedroom;
 pub use step_bench::StepBench;

@@ -115,6 +115,8 @@ pub enum GraphCommand {
     Show(GraphShowArguments),
     /// Say where the tasks of a composition do not connect, and what to demonstrate.
     Gaps(GraphGapsArguments),
+    /// Follow recordings that are not in a task's graph along it: errors, jumps, with and without the filter.
+    Localise(GraphLocaliseArguments),
 }
 
 /// `catena graph build`
@@ -173,6 +175,23 @@ pub struct GraphShowArguments {
 pub struct GraphGapsArguments {
     /// The composition's YAML file.
     pub file: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `catena graph localise`
+#[derive(Debug, Args)]
+pub struct GraphLocaliseArguments {
+    /// The task's YAML file.
+    pub task: PathBuf,
+    /// A folder of recordings that the graph was not built from.
+    #[arg(long)]
+    pub demos: PathBuf,
+    /// Ask at each step how far only so many states are in each direction, those that seem nearest, instead
+    /// of all.
+    #[arg(long)]
+    pub nearest_states: Option<usize>,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,

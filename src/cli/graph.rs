@@ -8,6 +8,7 @@ use super::arguments::{
 use super::error::CliError;
 use super::gaps::gaps;
 use super::loaded::{GraphFolders, merge_options, show as show_progress};
+use super::localise::localise;
 use super::progress;
 use crate::composer::load_task;
 use crate::graph::{
@@ -58,6 +59,7 @@ pub(super) fn graph(command: &GraphCommand, arguments: &Arguments) -> Result<(),
         GraphCommand::Merge(a) => merge_graphs(a, arguments),
         GraphCommand::Show(a) => show(a),
         GraphCommand::Gaps(a) => gaps(a, arguments),
+        GraphCommand::Localise(a) => localise(a, arguments),
     }
 }
 

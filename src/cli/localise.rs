@@ -1,0 +1,40 @@
+use super::arguments::{Arguments, GraphLocaliseArguments};
+use super::error::CliError;
+use super::loaded::Loaded;
+use crate::composer::load_task;
+use crate::experiment::LocalisationScore;
+use crate::rollout::{Monitor, RolloutOptions};
+use crate::storage::load_demonstrations;
+use crate::task::locate_subgoals;
+
+/// `catena graph localise`: follows recordings that are not in a task's graph along it.
+pub(super) fn localise(
+    localise_arguments: &GraphLocaliseArguments,
+    arguments: &Arguments,
+) -> Result<(), CliError> {
+    let task = load_task(&localise_arguments.task, &arguments.root)?;
+    let loaded = Loaded::load(&localise_arguments.task.to_string_lossy(), arguments)?;
+    let demos = std::slice::from_ref(&localise_arguments.demos);
+    let (set, reports) = load_demonstrations(demos, &task.task.name)?;
+    for report in reports.iter().filter(|r| !r.losses.is_empty()) {
+        eprintln!("warning: {report}");
+    }
+    let recordings = set
+        .trajectories()
+        .iter()
+        .map(|t| Ok((t.clone(), locate_subgoals(&task.rules, t)?)))
+        .collect::<Result<Vec<_>, CliError>>()?;
+    let planner = loaded.planner(loaded.composition.planner.clone())?;
+    let options = RolloutOptions {
+        nearest_states: localise_arguments.nearest_states,
+        ..loaded.rollout_options()
+    };
+    let mut monitor = Monitor::new(loaded.rollout_model(), &planner, &options)?;
+    let score = LocalisationScore::new(&mut monitor, &recordings, loaded.graph.d_max())?;
+    if localise_arguments.json {
+        println!("{}", serde_json::to_string_pretty(&score)?);
+    } else {
+        print!("{score}");
+    }
+    Ok(())
+}
