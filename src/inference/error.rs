@@ -44,7 +44,7 @@ pub enum InferenceError {
     /// The native engine was asked for and is nowhere to be found.
     #[error(
         "no usable ONNX Runtime library found; tried: {tried}. Set ORT_DYLIB_PATH to the library, or \
-         choose the engine 'tract'"
+         choose the embedded engine (--engine embedded)"
     )]
     NativeMissing {
         /// The places, each with what was wrong there.
