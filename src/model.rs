@@ -18,4 +18,5 @@ pub use manifest::{
 };
 pub use policy::{ActionDistribution, LocalPolicy};
 pub use spec::ModelSpec;
-pub use traversability::{Projections, StepDistributions, Traversability};
+pub(crate) use traversability::BLOCK_PAIRS;
+pub use traversability::{Projections, StepDistributions, Traversability, predict_in_blocks};

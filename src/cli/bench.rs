@@ -9,7 +9,6 @@ use super::loaded::Loaded;
 use super::progress;
 use crate::experiment::StepBench;
 use crate::graph::resampled;
-use crate::planner::Planner;
 use crate::rollout::RolloutOptions;
 use crate::simulator::Bedroom;
 
@@ -90,13 +89,7 @@ fn one_engine(
     for &states in &bench_arguments.states {
         bar.set_message(format!("{states} states, {engine} engine"));
         let graph = resampled(&loaded.graph, states, bench_arguments.seed)?;
-        let composition = &loaded.composition;
-        let planner = Planner::new(
-            Arc::new(graph),
-            &composition.automaton,
-            &composition.final_choice,
-            composition.planner.clone(),
-        )?;
+        let planner = loaded.planner_on(Arc::new(graph), loaded.composition.planner.clone())?;
         let options = RolloutOptions {
             max_steps: bench_arguments.steps,
             nearest_states: bench_arguments.nearest_states,

@@ -12,8 +12,8 @@ use super::localise::localise;
 use super::progress;
 use crate::composer::load_task;
 use crate::graph::{
-    BuildOptions, EdgeKind, GraphStatistics, Node, NodeId, PairCandidates, ScoringReport,
-    TopologicalGraph, build, merge,
+    BuildOptions, ConnectionEmbedding, EdgeKind, GraphStatistics, Node, NodeId, PairCandidates,
+    ScoringReport, TopologicalGraph, build, merge,
 };
 use crate::inference::Model;
 use crate::planner::{SuspectEdge, suspects};
@@ -34,9 +34,6 @@ const SUSPICIOUS_GAIN_STEPS: f32 = 12.0;
 
 /// Suspect edges that `graph show` prints; JSON has all of them.
 const LISTED_SUSPECTS: usize = 20;
-
-/// Share of the states on either side of the sample from which `--nearest` learns what is near.
-const SAMPLED_STATES: f64 = 0.12;
 
 /// What `graph show --json` prints.
 #[derive(Serialize)]
@@ -130,7 +127,7 @@ fn candidates(nearest: Option<f64>) -> Result<PairCandidates, CliError> {
         None => Ok(PairCandidates::All),
         Some(share) if share > 0.0 && share <= 1.0 => Ok(PairCandidates::Nearest {
             share,
-            sample: SAMPLED_STATES,
+            sample: ConnectionEmbedding::SAMPLE_SHARE,
         }),
         Some(share) => Err(CliError::ShareOutOfRange { share }),
     }

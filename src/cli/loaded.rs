@@ -103,8 +103,17 @@ impl Loaded {
 
     /// A planner with these options.
     pub(super) fn planner(&self, options: PlannerOptions) -> Result<Planner, CliError> {
+        self.planner_on(Arc::clone(&self.graph), options)
+    }
+
+    /// A planner of the composition on another graph of its tasks.
+    pub(super) fn planner_on(
+        &self,
+        graph: Arc<TopologicalGraph>,
+        options: PlannerOptions,
+    ) -> Result<Planner, CliError> {
         Ok(Planner::new(
-            Arc::clone(&self.graph),
+            graph,
             &self.composition.automaton,
             &self.composition.final_choice,
             options,

@@ -4,7 +4,7 @@ use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use crate::model::{Latents, ModelError, Projections, Traversability};
+use crate::model::{Latents, ModelError, Projections, Traversability, predict_in_blocks};
 
 /// Largest number of states on either side of the sample that is scored in full.
 const LARGEST_SAMPLE: usize = 400;
@@ -16,8 +16,6 @@ const CERTAIN: f64 = 12.0;
 const RIDGE: f64 = 1e-3;
 /// Rows that one thread looks through at least.
 const ROWS_A_TASK: usize = 16_384;
-/// Pairs in one call of the network.
-const BLOCK_PAIRS: usize = 2048;
 
 /// An inexpensive likeness of a traversability function: the inner product of an embedding of the state
 /// that is left and one of the state that is to be reached is about the log-odds of being connected.
@@ -38,11 +36,14 @@ pub struct ConnectionEmbedding {
 struct Tower {
     sample: Latents,
     inverse_scale: f64,
-    /// A row a sampled state, a column a value of the embedding.
+    /// A row a value of the embedding, a column a sampled state.
     weights: DMatrix<f64>,
 }
 
 impl ConnectionEmbedding {
+    /// The share of the states on either side of the sample that is enough for the bedroom's graphs.
+    pub const SAMPLE_SHARE: f64 = 0.12;
+
     /// Learns from the network's answers for `share` (0..=1) of the states on either side, 400 at most,
     /// so for `share` squared of all pairs. The same seed gives the same embedding.
     ///
@@ -143,22 +144,12 @@ fn log_odds(
         .iter()
         .flat_map(|a| to.iter().map(move |b| (*a, *b)))
         .collect();
-    let blocks: Vec<Vec<f64>> = pairs
-        .par_chunks(BLOCK_PAIRS)
-        .map(|block| {
-            let predicted = traversability.predict(projections, projections, block)?;
-            let odds = |row: &[f32]| {
-                let far = f64::from(row[row.len() - 1]).clamp(1e-9, 1.0 - 1e-9);
-                ((1.0 - far) / far).ln().clamp(-CERTAIN, CERTAIN) + CERTAIN
-            };
-            Ok(predicted.rows().map(odds).collect())
-        })
-        .collect::<Result<_, ModelError>>()?;
-    Ok(DMatrix::from_row_iterator(
-        from.len(),
-        to.len(),
-        blocks.into_iter().flatten(),
-    ))
+    let predicted = predict_in_blocks(traversability, projections, projections, &pairs)?;
+    let odds = predicted.rows().map(|row| {
+        let far = f64::from(row[row.len() - 1]).clamp(1e-9, 1.0 - 1e-9);
+        ((1.0 - far) / far).ln().clamp(-CERTAIN, CERTAIN) + CERTAIN
+    });
+    Ok(DMatrix::from_row_iterator(from.len(), to.len(), odds))
 }
 
 impl Tower {
@@ -181,7 +172,8 @@ impl Tower {
         let weights = kernel
             .cholesky()
             .expect("a Gaussian kernel with a ridge is positive definite")
-            .solve(values);
+            .solve(values)
+            .transpose();
         Self {
             sample,
             inverse_scale,
@@ -190,8 +182,7 @@ impl Tower {
     }
 
     fn embed(&self, rows: &Latents) -> Latents {
-        let rank = self.weights.ncols();
-        let transposed = self.weights.transpose();
+        let rank = self.weights.nrows();
         let embedded: Vec<Vec<f32>> = (0..rows.len())
             .into_par_iter()
             .map(|row| {
@@ -201,7 +192,7 @@ impl Tower {
                     (-squared * self.inverse_scale).exp()
                 });
                 let near = DVector::from_iterator(self.sample.len(), near);
-                (&transposed * near)
+                (&self.weights * near)
                     .iter()
                     .map(|value| *value as f32)
                     .collect()

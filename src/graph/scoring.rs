@@ -4,10 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
 
 use super::{Edge, EdgeKind, GraphPhase, GraphProgress, LearnedEdges, NodeId, ProgressFn};
-use crate::model::{ModelError, Projections, Traversability};
-
-/// Pairs in one call of the network: engines are fastest at one to two thousand.
-const BLOCK_PAIRS: usize = 2048;
+use crate::model::{BLOCK_PAIRS, ModelError, Projections, Traversability};
 
 /// A pair of states and how probable it is that the second lies fewer than `d_max` steps ahead.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,4 +1,9 @@
+use rayon::prelude::*;
+
 use super::{Latents, ModelError};
+
+/// Pairs in one call of the network: engines are fastest at one to two thousand.
+pub(crate) const BLOCK_PAIRS: usize = 2048;
 
 /// States made ready for [`Traversability::predict`]: what the model wants of a state when it is the
 /// first of a pair, and when it is the second. Rows are states; only the model knows their meaning.
@@ -98,4 +103,28 @@ pub trait Traversability {
         to: &Projections,
         pairs: &[(u32, u32)],
     ) -> Result<StepDistributions, ModelError>;
+}
+
+/// [`Traversability::predict`] for any number of pairs, in blocks and on all cores. The result does not
+/// depend on the number of threads.
+///
+/// # Errors
+/// [`ModelError`] as for [`Traversability::predict`].
+///
+/// # Panics
+/// If a pair names a row that is not there.
+pub fn predict_in_blocks(
+    traversability: &(dyn Traversability + Sync),
+    from: &Projections,
+    to: &Projections,
+    pairs: &[(u32, u32)],
+) -> Result<StepDistributions, ModelError> {
+    let blocks: Vec<Vec<f32>> = pairs
+        .par_chunks(BLOCK_PAIRS)
+        .map(|block| Ok(traversability.predict(from, to, block)?.probabilities))
+        .collect::<Result<_, ModelError>>()?;
+    Ok(StepDistributions::new(
+        traversability.d_max(),
+        blocks.concat(),
+    ))
 }

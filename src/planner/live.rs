@@ -1,10 +1,5 @@
-use rayon::prelude::*;
-
 use crate::graph::NodeId;
-use crate::model::{ModelError, Projections, Traversability};
-
-/// Pairs in one call of the network.
-const BLOCK_PAIRS: usize = 2048;
+use crate::model::{ModelError, Projections, Traversability, predict_in_blocks};
 
 /// The current state joined to the graph: predicted steps from it to states of the graph, and from
 /// them to it (Fu & Finn, section III-D).
@@ -50,8 +45,8 @@ impl LiveDistances {
         let d_max = traversability.d_max();
         let mut distances = Self::unknown(graph.from.len(), d_max);
         let pairs: Vec<(u32, u32)> = nodes.iter().map(|n| (0, n.0)).collect();
-        let rows = predict(traversability, current, graph, &pairs)?;
-        for (node, row) in nodes.iter().zip(rows.chunks_exact(d_max)) {
+        let ahead = predict_in_blocks(traversability, current, graph, &pairs)?;
+        for (node, row) in nodes.iter().zip(ahead.rows()) {
             distances.set_to(*node, row);
         }
         let near = |n: &&NodeId| {
@@ -61,8 +56,8 @@ impl LiveDistances {
         };
         let near: Vec<NodeId> = nodes.iter().filter(near).copied().collect();
         let pairs: Vec<(u32, u32)> = near.iter().map(|n| (n.0, 0)).collect();
-        let rows = predict(traversability, graph, current, &pairs)?;
-        for (node, row) in near.iter().zip(rows.chunks_exact(d_max)) {
+        let back = predict_in_blocks(traversability, graph, current, &pairs)?;
+        for (node, row) in near.iter().zip(back.rows()) {
             distances.set_from(*node, row);
         }
         Ok(distances)
@@ -128,20 +123,4 @@ impl LiveDistances {
 /// A row that holds NaN, whether unknown or a broken answer, counts as not known.
 fn known(row: &[f32]) -> Option<&[f32]> {
     (!row.iter().any(|p| p.is_nan())).then_some(row)
-}
-
-fn predict(
-    traversability: &(dyn Traversability + Sync),
-    from: &Projections,
-    to: &Projections,
-    pairs: &[(u32, u32)],
-) -> Result<Vec<f32>, ModelError> {
-    let blocks: Vec<Vec<f32>> = pairs
-        .par_chunks(BLOCK_PAIRS)
-        .map(|block| {
-            let rows = traversability.predict(from, to, block)?;
-            Ok(rows.rows().flatten().copied().collect())
-        })
-        .collect::<Result<_, ModelError>>()?;
-    Ok(blocks.concat())
 }

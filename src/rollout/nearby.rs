@@ -2,8 +2,6 @@ use crate::graph::{ConnectionEmbedding, NodeId, most_connected};
 use crate::model::{Latents, ModelError, Projections, Traversability};
 use crate::planner::{PlaceId, StageFilter};
 
-/// Share of the states on either side of the sample that the embedding is learnt from.
-const SAMPLED_STATES: f64 = 0.12;
 /// Places of the belief whose states are asked for, however far they seem.
 const BELIEVED_PLACES: usize = 64;
 
@@ -27,7 +25,12 @@ impl Nearby {
         candidates: &[NodeId],
         count: usize,
     ) -> Result<Self, ModelError> {
-        let embedding = ConnectionEmbedding::fit(traversability, projections, SAMPLED_STATES, 0)?;
+        let embedding = ConnectionEmbedding::fit(
+            traversability,
+            projections,
+            ConnectionEmbedding::SAMPLE_SHARE,
+            0,
+        )?;
         let mut has_place = vec![false; projections.from.len()];
         for node in candidates {
             has_place[node.index()] = true;

@@ -12,8 +12,8 @@ const REACH_M: f32 = 0.22;
 /// The share of the light that is left in the deepest corner.
 const FLOOR: f32 = 0.40;
 
-/// Finds the distance from points in front of a surface to the nearest solids. Half the time that a
-/// picture takes goes here, so every evaluation counts.
+/// Finds the distance from points in front of a surface to the nearest solids. A third of the time
+/// that a picture takes goes here, so every evaluation counts.
 #[derive(Debug, Default)]
 pub(super) struct OcclusionGrid {
     grid: ColumnGrid,
