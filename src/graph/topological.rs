@@ -1,4 +1,4 @@
-use petgraph::graph::{DiGraph, EdgeIndex, NodeIndex};
+use petgraph::graph::{DiGraph, NodeIndex};
 use petgraph::visit::EdgeRef;
 
 use super::{Edge, EdgeKind, Node, NodeId};
@@ -49,13 +49,27 @@ impl TopologicalGraph {
         }
     }
 
-    /// Adds an edge without looking for one between the same nodes; the caller knows that there is none.
-    pub(super) fn push_edge(&mut self, from: NodeId, to: NodeId, edge: Edge) {
+    /// Adds an edge without looking for one between the same nodes; the caller knows that there is none,
+    /// or asks [`ends_joined_twice`](Self::ends_joined_twice) afterwards.
+    pub(crate) fn push_edge(&mut self, from: NodeId, to: NodeId, edge: Edge) {
         self.graph.add_edge(
             NodeIndex::new(from.index()),
             NodeIndex::new(to.index()),
             edge,
         );
+    }
+
+    /// Two nodes between which more than one edge leads the same way; `None` if there are no such nodes.
+    pub(crate) fn ends_joined_twice(&self) -> Option<(NodeId, NodeId)> {
+        let mut last_source = vec![NodeIndex::end(); self.node_count()];
+        for from in self.graph.node_indices() {
+            for to in self.graph.neighbors(from) {
+                if std::mem::replace(&mut last_source[to.index()], from) == from {
+                    return Some((NodeId(from.index() as u32), NodeId(to.index() as u32)));
+                }
+            }
+        }
+        None
     }
 
     /// Number of traversability classes.
@@ -89,11 +103,10 @@ impl TopologicalGraph {
     #[must_use]
     pub fn nodes(&self) -> impl ExactSizeIterator<Item = (NodeId, &Node)> {
         self.graph
-            .node_weights()
+            .raw_nodes()
+            .iter()
             .enumerate()
-            .map(|(i, n)| (NodeId(i as u32), n))
-            .collect::<Vec<_>>()
-            .into_iter()
+            .map(|(i, n)| (NodeId(i as u32), &n.weight))
     }
 
     /// The latents of all states, a row a node.
@@ -115,19 +128,13 @@ impl TopologicalGraph {
     }
 
     /// All edges in the order in which they were added.
-    ///
-    /// # Panics
-    /// Never: the edges are the graph's own.
-    pub fn edges(&self) -> impl Iterator<Item = (NodeId, NodeId, &Edge)> {
-        self.graph.edge_indices().map(|e: EdgeIndex<u32>| {
-            let (a, b) = self
-                .graph
-                .edge_endpoints(e)
-                .expect("the index is the graph's own");
+    #[must_use]
+    pub fn edges(&self) -> impl ExactSizeIterator<Item = (NodeId, NodeId, &Edge)> {
+        self.graph.raw_edges().iter().map(|edge| {
             (
-                NodeId(a.index() as u32),
-                NodeId(b.index() as u32),
-                &self.graph[e],
+                NodeId(edge.source().index() as u32),
+                NodeId(edge.target().index() as u32),
+                &edge.weight,
             )
         })
     }

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use super::graph_images::{self, GraphImage};
 use super::replace::{replace_folder, settle_folder};
-use super::{GraphManifest, StorageError, tables};
+use super::tables::{self, ADVICE, EdgeReader, EdgeWriter};
+use super::{GraphManifest, StorageError};
 use crate::graph::TopologicalGraph;
 
 /// The table of nodes.
@@ -43,7 +44,9 @@ pub fn save_graph_with_images(
     let mut saved = manifest.clone();
     replace_folder(folder, |draft| {
         tables::write_nodes(&draft.join(NODES), graph)?;
-        tables::write_edges(&draft.join(EDGES), graph)?;
+        let mut edges = EdgeWriter::create(&draft.join(EDGES), graph.d_max())?;
+        edges.write(graph.edges())?;
+        edges.finish()?;
         let mut names = vec![NODES, EDGES];
         if graph_images::write(draft, graph, images)? {
             names.push(graph_images::FILE_NAME);
@@ -67,7 +70,7 @@ pub fn load_graph(folder: &Path) -> Result<(TopologicalGraph, GraphManifest), St
     manifest.check_file(folder, EDGES)?;
     let mut graph = TopologicalGraph::new(manifest.latent_dim, manifest.d_max);
     tables::read_nodes(&folder.join(NODES), &mut graph)?;
-    tables::read_edges(&folder.join(EDGES), &mut graph)?;
+    read_edges(&folder.join(EDGES), &mut graph)?;
     for (what, expected, found, name) in [
         ("nodes", manifest.node_count, graph.node_count(), NODES),
         ("edges", manifest.edge_count, graph.edge_count(), EDGES),
@@ -80,6 +83,33 @@ pub fn load_graph(folder: &Path) -> Result<(TopologicalGraph, GraphManifest), St
         }
     }
     Ok((graph, manifest))
+}
+
+/// Adds the rows of a table of edges to a graph that has all its nodes and no edges.
+fn read_edges(path: &Path, graph: &mut TopologicalGraph) -> Result<(), StorageError> {
+    for edges in EdgeReader::open(path, graph.node_count(), graph.d_max())? {
+        for (from, to, edge) in edges? {
+            graph.push_edge(from, to, edge);
+        }
+    }
+    let Some((from, to)) = graph.ends_joined_twice() else {
+        return Ok(());
+    };
+    let rows: Vec<String> = graph
+        .edges()
+        .enumerate()
+        .filter(|(_, (a, b, _))| (*a, *b) == (from, to))
+        .map(|(row, _)| row.to_string())
+        .collect();
+    Err(StorageError::Table {
+        path: path.to_owned(),
+        reason: format!(
+            "rows {} are the same edge {} -> {}. {ADVICE}",
+            rows.join(" and "),
+            from.0,
+            to.0
+        ),
+    })
 }
 
 /// Loads only the manifest of a graph folder.

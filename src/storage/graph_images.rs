@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use arrow::array::{ArrayRef, BinaryArray, StringArray, UInt32Array};
+use arrow::datatypes::DataType;
 
 use super::pixels::{decode_compressed, encode_jpeg};
-use super::tables::{Columns, write_table};
+use super::tables::{TableReader, TableWriter};
 use super::{StorageError, load_manifest};
 use crate::graph::{NodeId, TopologicalGraph};
 use crate::trajectory::Image;
@@ -48,7 +49,7 @@ impl GraphImages {
         let mut jpegs = BTreeMap::new();
         if manifest.files.contains_key(FILE_NAME) {
             manifest.check_file(folder, FILE_NAME)?;
-            for batch in Columns::read(&path)? {
+            for batch in TableReader::open(&path)? {
                 let batch = batch?;
                 let trajectories: &StringArray = batch.column("trajectory")?;
                 let steps: &UInt32Array = batch.column("step")?;
@@ -113,6 +114,9 @@ impl GraphImages {
     }
 }
 
+/// Pictures that are in memory at once: some megabytes of JPEG.
+const BATCH_PICTURES: usize = 1024;
+
 /// Writes the pictures into `folder`; whether there were any.
 pub(super) fn write(
     folder: &Path,
@@ -120,6 +124,34 @@ pub(super) fn write(
     images: impl IntoIterator<Item = GraphImage>,
 ) -> Result<bool, StorageError> {
     let path = folder.join(FILE_NAME);
+    let mut images = images.into_iter().peekable();
+    if images.peek().is_none() {
+        return Ok(false);
+    }
+    let mut table = TableWriter::create(
+        &path,
+        vec![
+            ("node", DataType::UInt32),
+            ("trajectory", DataType::Utf8),
+            ("step", DataType::UInt32),
+            ("camera", DataType::Utf8),
+            ("jpeg", DataType::Binary),
+        ],
+    )?;
+    while images.peek().is_some() {
+        let batch = images.by_ref().take(BATCH_PICTURES);
+        table.write(columns(&path, graph, batch)?)?;
+    }
+    table.finish()?;
+    Ok(true)
+}
+
+/// The columns of some pictures.
+fn columns(
+    path: &Path,
+    graph: &TopologicalGraph,
+    images: impl Iterator<Item = GraphImage>,
+) -> Result<Vec<ArrayRef>, StorageError> {
     let (mut nodes, mut trajectories, mut steps) = (Vec::new(), Vec::new(), Vec::new());
     let (mut cameras, mut jpegs) = (Vec::new(), Vec::new());
     for GraphImage {
@@ -129,7 +161,7 @@ pub(super) fn write(
     } in images
     {
         let jpeg = encode_jpeg(&image, JPEG_QUALITY).map_err(|reason| StorageError::Picture {
-            path: path.clone(),
+            path: path.to_owned(),
             what: format!("camera '{camera}' at node {}", node.0),
             reason,
         })?;
@@ -140,16 +172,11 @@ pub(super) fn write(
         cameras.push(camera);
         jpegs.push(jpeg);
     }
-    if jpegs.is_empty() {
-        return Ok(false);
-    }
-    let columns: Vec<(&str, ArrayRef)> = vec![
-        ("node", Arc::new(UInt32Array::from(nodes))),
-        ("trajectory", Arc::new(StringArray::from(trajectories))),
-        ("step", Arc::new(UInt32Array::from(steps))),
-        ("camera", Arc::new(StringArray::from(cameras))),
-        ("jpeg", Arc::new(BinaryArray::from_iter_values(jpegs))),
-    ];
-    write_table(&path, columns)?;
-    Ok(true)
+    Ok(vec![
+        Arc::new(UInt32Array::from(nodes)),
+        Arc::new(StringArray::from(trajectories)),
+        Arc::new(UInt32Array::from(steps)),
+        Arc::new(StringArray::from(cameras)),
+        Arc::new(BinaryArray::from_iter_values(jpegs)),
+    ])
 }
