@@ -10,6 +10,7 @@ mod edge;
 mod error;
 #[cfg(test)]
 pub(crate) mod fakes;
+mod index;
 mod learned;
 mod merge;
 mod node;
@@ -17,23 +18,26 @@ mod progress;
 mod proposals;
 mod prune;
 mod resample;
+mod score_pairs;
 mod scoring;
 mod statistics;
 #[cfg(test)]
 mod tests;
 mod topological;
 
-pub use build::{BuildOptions, Built, PairCandidates, ScoringReport, build};
+pub use build::{BuildOptions, Built, PairCandidates, build, build_states};
 pub use candidates::CrossTaskCandidates;
 pub use edge::{Edge, EdgeKind};
 pub use error::GraphError;
+pub use index::ConnectionIndex;
 pub use learned::LearnedEdges;
 pub use merge::{MergeOptions, MergeReport, Merged, SeamReport, merge};
 pub use node::{Node, NodeId};
 pub use progress::{GraphPhase, GraphProgress, ProgressFn};
-pub use proposals::{ConnectionEmbedding, most_connected};
+pub use proposals::ConnectionEmbedding;
 pub use prune::{PruneOptions, prune};
 pub use resample::resampled;
+pub use score_pairs::{EdgeSink, JoinedEdges, ScoreError, ScoringReport, score_pairs};
 pub use scoring::ScoredPair;
 pub use statistics::{CrossTaskEdge, CrossTaskStatistics, GraphStatistics, TaskStatistics};
 pub use topological::TopologicalGraph;

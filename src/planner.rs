@@ -29,12 +29,14 @@
 //! them knows a robot or a network: they are given distributions.
 
 mod audit;
+mod belief;
 mod choice;
 mod cost;
 mod cost_to_go;
 mod error;
 mod filter_options;
 mod goal;
+mod groups;
 mod layout;
 mod live;
 mod localisation;

@@ -7,6 +7,7 @@
 
 mod action_message;
 mod align;
+mod build_folder;
 mod cdr;
 mod decode;
 mod demonstrations;
@@ -31,6 +32,7 @@ mod schemas;
 mod tables;
 mod topic;
 
+pub use build_folder::BuildFolder;
 pub use demonstrations::{demonstrations_digest, load_demonstrations, recording_files};
 pub use digest::sha256_file;
 pub use episode::{EpisodeWriter, RecordingMetadata, write_trajectory};

@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use crate::composer::{Diagnostics, Rendering};
 use crate::environment::EnvironmentError;
-use crate::graph::GraphError;
+use crate::graph::{GraphError, ScoreError};
 use crate::inference::InferenceError;
 use crate::model::ModelError;
 use crate::planner::{NoPath, PlannerError};
@@ -126,6 +126,15 @@ pub(super) enum CliError {
         /// How many there were.
         all: usize,
     },
+}
+
+impl From<ScoreError<StorageError>> for CliError {
+    fn from(error: ScoreError<StorageError>) -> Self {
+        match error {
+            ScoreError::Graph(e) => Self::Graph(e),
+            ScoreError::Sink(e) => Self::Storage(e),
+        }
+    }
 }
 
 impl CliError {

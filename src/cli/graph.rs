@@ -13,13 +13,13 @@ use super::progress;
 use crate::composer::load_task;
 use crate::graph::{
     BuildOptions, ConnectionEmbedding, EdgeKind, GraphStatistics, Node, NodeId, PairCandidates,
-    ScoringReport, TopologicalGraph, build, merge,
+    ScoringReport, TopologicalGraph, build_states, merge, score_pairs,
 };
 use crate::inference::Model;
 use crate::planner::{SuspectEdge, suspects};
 use crate::storage::{
-    GraphImage, GraphManifest, demonstrations_digest, load_demonstrations, load_graph,
-    load_manifest, save_graph, save_graph_with_images,
+    BuildFolder, GraphImage, GraphManifest, demonstrations_digest, load_demonstrations, load_graph,
+    load_manifest, save_graph,
 };
 use crate::task::{Subgoal, Task, locate_subgoals};
 use crate::trajectory::DemonstrationSet;
@@ -34,6 +34,9 @@ const SUSPICIOUS_GAIN_STEPS: f32 = 12.0;
 
 /// Suspect edges that `graph show` prints; JSON has all of them.
 const LISTED_SUSPECTS: usize = 20;
+
+/// A graph with more edges is not loaded again only to sum it up: `graph show` does that.
+const SUMMARISED_EDGES: usize = 5_000_000;
 
 /// What `graph show --json` prints.
 #[derive(Serialize)]
@@ -88,36 +91,50 @@ fn build_graph(
         println!("{} is up to date", out.display());
         return Ok(());
     }
-    let (set, reports) = load_demonstrations(&paths, &task.task.name)?;
-    for report in reports.iter().filter(|r| !r.losses.is_empty()) {
-        eprintln!("warning: {report}");
-    }
-    let set = in_model_space(&set, &model)?;
-    let subgoals: Vec<Vec<(Subgoal, usize)>> = set
-        .trajectories()
-        .iter()
-        .map(|t| locate_subgoals(&task.rules, t))
-        .collect::<Result<_, _>>()?;
-    let bar = progress::bar("building", 0);
-    let built = build(&set, &subgoals, &model, &model, &options, &|p| {
-        show_progress(&bar, p);
-    })?;
-    let (graph, scoring) = (built.graph, built.report);
-    bar.finish_and_clear();
     let mut manifest = GraphManifest::new(
         std::slice::from_ref(&task.task),
         model.digest(),
         digest,
         serde_json::to_value(&options)?,
     );
+    let mut folder = BuildFolder::open(&out, &manifest, options.part_pairs)?;
+    let (set, reports) = load_demonstrations(&paths, &task.task.name)?;
+    for report in reports.iter().filter(|r| !r.losses.is_empty()) {
+        eprintln!("warning: {report}");
+    }
+    let set = in_model_space(&set, &model)?;
+    let bar = progress::bar("building", 0);
+    let show = |p| show_progress(&bar, p);
+    let states = if let Some(states) = folder.states()? {
+        eprintln!(
+            "going on with an interrupted build: {} states, {} parts of their pairs",
+            states.node_count(),
+            folder.kept_parts()
+        );
+        states
+    } else {
+        let subgoals: Vec<Vec<(Subgoal, usize)>> = set
+            .trajectories()
+            .iter()
+            .map(|t| locate_subgoals(&task.rules, t))
+            .collect::<Result<_, _>>()?;
+        let d_max = model.manifest().spec.d_max;
+        let states = build_states(&set, &subgoals, &model, d_max, options.encode_batch, &show)?;
+        folder.keep_states(&states)?;
+        states
+    };
+    let scoring = score_pairs(&states, &model, &options, &mut folder, &show)?;
+    bar.finish_and_clear();
     manifest.scoring = Some(scoring);
-    save_graph_with_images(&out, &graph, &manifest, pictures(&set, &graph))?;
-    println!(
-        "{}\n{}\nin {}",
-        GraphStatistics::new(&graph, LISTED_EDGES),
-        in_words(&scoring),
-        out.display()
-    );
+    let saved = folder.finish(&states, &manifest, pictures(&set, &states))?;
+    drop((set, states));
+    if saved.edge_count <= SUMMARISED_EDGES {
+        let (graph, _) = load_graph(&out)?;
+        println!("{}", GraphStatistics::new(&graph, LISTED_EDGES));
+    } else {
+        println!("{} nodes, {} edges", saved.node_count, saved.edge_count);
+    }
+    println!("{}\nin {}", in_words(&scoring), out.display());
     Ok(())
 }
 

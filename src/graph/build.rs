@@ -1,20 +1,16 @@
-use std::collections::HashSet;
-
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::proposals::{ConnectionEmbedding, most_connected};
-use super::scoring::Scorer;
+use super::score_pairs::{ScoreError, ScoringReport, score_pairs};
 use super::{
-    Edge, EdgeKind, GraphError, GraphPhase, GraphProgress, LearnedEdges, Node, NodeId, ProgressFn,
+    Edge, GraphError, GraphPhase, GraphProgress, LearnedEdges, Node, NodeId, ProgressFn,
     TopologicalGraph,
 };
 use crate::model::{Encoder, Traversability};
 use crate::task::Subgoal;
 use crate::trajectory::{DemonstrationSet, Trajectory};
 
-/// States whose pairs are all scored to measure how many edges the candidates miss.
-const PROBE_STATES: usize = 16;
+/// Pairs of a part: some seconds of work.
+const PART_PAIRS: u64 = 1 << 21;
 
 /// Which pairs of states of different demonstrations the network is asked about.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -48,20 +44,6 @@ pub struct Built {
     pub report: ScoringReport,
 }
 
-/// What the learned edges of a graph took.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ScoringReport {
-    /// Pairs that all states make.
-    pub all_pairs: u64,
-    /// Pairs that the network was asked about, those of the sample and of the probe included.
-    pub scored_pairs: u64,
-    /// States of which all pairs were scored too, to measure the recall.
-    pub probe_states: usize,
-    /// Share of the edges of these states that the candidates found; `None` where all pairs were scored.
-    pub recall: Option<f64>,
-}
-
 /// How a graph is built.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -73,6 +55,10 @@ pub struct BuildOptions {
     pub candidates: PairCandidates,
     /// How many states are encoded at once.
     pub encode_batch: usize,
+    /// Pairs that are scored before their edges are handed on, at least: what an interrupted build
+    /// loses, and what it holds in memory.
+    #[serde(skip)]
+    pub part_pairs: u64,
 }
 
 impl Default for BuildOptions {
@@ -81,6 +67,7 @@ impl Default for BuildOptions {
             learned: LearnedEdges::default(),
             candidates: PairCandidates::All,
             encode_batch: 64,
+            part_pairs: PART_PAIRS,
         }
     }
 }
@@ -91,13 +78,10 @@ impl Default for BuildOptions {
 ///
 /// `subgoal_steps` has an entry for each demonstration: the task's subgoals with the step at which
 /// each is first reached. Pairs are scored in blocks and in parallel; the same input gives the same
-/// graph on any number of threads.
+/// graph on any number of threads. It is [`build_states`] and [`score_pairs`] with all edges in memory.
 ///
 /// # Errors
-/// [`GraphError::Model`] when the model gives no answer, [`GraphError::DMaxDiffers`] when encoder and
-/// traversability are of different models, [`GraphError::SubgoalLists`] and
-/// [`GraphError::SubgoalOutOfRange`] when `subgoal_steps` does not fit the demonstrations,
-/// [`GraphError::LatentNotFinite`] when a latent holds NaN or infinity.
+/// Those of [`build_states`], and [`GraphError::Model`] when the traversability function gives no answer.
 pub fn build(
     demonstrations: &DemonstrationSet,
     subgoal_steps: &[Vec<(Subgoal, usize)>],
@@ -106,17 +90,52 @@ pub fn build(
     options: &BuildOptions,
     progress: ProgressFn<'_>,
 ) -> Result<Built, GraphError> {
-    check(demonstrations, subgoal_steps, encoder, traversability)?;
-    let mut graph = TopologicalGraph::new(encoder.spec().latent_dim, traversability.d_max());
+    let mut graph = build_states(
+        demonstrations,
+        subgoal_steps,
+        encoder,
+        traversability.d_max(),
+        options.encode_batch,
+        progress,
+    )?;
+    let mut all = Vec::new();
+    let scored = score_pairs(&graph, traversability, options, &mut all, progress);
+    let report = scored.map_err(|e| match e {
+        ScoreError::Graph(e) => e,
+    })?;
+    for (from, to, edge) in all {
+        graph.push_edge(from, to, edge);
+    }
+    Ok(Built { graph, report })
+}
+
+/// The states of one task's demonstrations as nodes, and temporal edges between them.
+///
+/// # Errors
+/// [`GraphError::Model`] when the encoder gives no answer, [`GraphError::DMaxDiffers`] when it is of
+/// another model than a traversability function with `d_max` classes, [`GraphError::SubgoalLists`] and
+/// [`GraphError::SubgoalOutOfRange`] when `subgoal_steps` does not fit the demonstrations,
+/// [`GraphError::LatentNotFinite`] when a latent holds NaN or infinity.
+pub fn build_states(
+    demonstrations: &DemonstrationSet,
+    subgoal_steps: &[Vec<(Subgoal, usize)>],
+    encoder: &dyn Encoder,
+    d_max: usize,
+    encode_batch: usize,
+    progress: ProgressFn<'_>,
+) -> Result<TopologicalGraph, GraphError> {
+    check(demonstrations, subgoal_steps, encoder, d_max)?;
+    let mut graph = TopologicalGraph::new(encoder.spec().latent_dim, d_max);
     let mut done = 0;
     for (trajectory, subgoals) in demonstrations.trajectories().iter().zip(subgoal_steps) {
+        let task = demonstrations.task();
         add_trajectory(
             &mut graph,
-            demonstrations.task(),
+            task,
             trajectory,
             subgoals,
             encoder,
-            options,
+            encode_batch,
         )?;
         done += trajectory.steps.len() as u64;
         progress(GraphProgress {
@@ -125,21 +144,20 @@ pub fn build(
             total: demonstrations.step_count() as u64,
         });
     }
-    let report = add_learned_edges(&mut graph, traversability, options, progress)?;
-    Ok(Built { graph, report })
+    Ok(graph)
 }
 
 fn check(
     demonstrations: &DemonstrationSet,
     subgoal_steps: &[Vec<(Subgoal, usize)>],
     encoder: &dyn Encoder,
-    traversability: &(dyn Traversability + Sync),
+    d_max: usize,
 ) -> Result<(), GraphError> {
-    if encoder.spec().d_max != traversability.d_max() {
+    if encoder.spec().d_max != d_max {
         return Err(GraphError::DMaxDiffers {
             what: "the traversability function".to_owned(),
             expected: encoder.spec().d_max,
-            found: traversability.d_max(),
+            found: d_max,
         });
     }
     let trajectories = demonstrations.trajectories();
@@ -170,12 +188,12 @@ fn add_trajectory(
     trajectory: &Trajectory,
     subgoals: &[(Subgoal, usize)],
     encoder: &dyn Encoder,
-    options: &BuildOptions,
+    encode_batch: usize,
 ) -> Result<(), GraphError> {
     let stack = encoder.spec().stack;
     let steps: Vec<usize> = (0..trajectory.steps.len()).collect();
     let mut previous = None;
-    for batch in steps.chunks(options.encode_batch.max(1)) {
+    for batch in steps.chunks(encode_batch.max(1)) {
         let states: Vec<_> = batch.iter().map(|s| trajectory.state(*s, stack)).collect();
         let latents = encoder.encode(&states)?;
         for (row, &step) in batch.iter().enumerate() {
@@ -216,100 +234,6 @@ fn node_at(
         progress: subgoals.iter().filter(|(_, s)| *s <= step).count() as u32,
         is_end: step + 1 == trajectory.steps.len(),
     }
-}
-
-/// Scores pairs of the graph's nodes and adds those that the rule accepts.
-fn add_learned_edges(
-    graph: &mut TopologicalGraph,
-    traversability: &(dyn Traversability + Sync),
-    options: &BuildOptions,
-    progress: ProgressFn<'_>,
-) -> Result<ScoringReport, GraphError> {
-    let projections = traversability.project(graph.latents())?;
-    let spans = trajectory_spans(graph);
-    let count = graph.node_count();
-    let nodes: Vec<u32> = (0..count as u32).collect();
-    let rule = &options.learned;
-    let may_join = |node: u32, to: u32| {
-        let (start, end) = spans[node as usize];
-        // A temporal edge is there already, and a state is not its own successor.
-        !(start..end).contains(&to) || (rule.same_trajectory && to != node && to != node + 1)
-    };
-    let all_partners = |node: u32| {
-        let (start, end) = spans[node as usize];
-        if rule.same_trajectory {
-            count
-        } else {
-            count - (end - start) as usize
-        }
-    };
-    let all_targets = |node: u32, out: &mut Vec<u32>| {
-        out.extend((0..count as u32).filter(|to| may_join(node, *to)));
-    };
-    let scorer = |total: u64| Scorer {
-        traversability,
-        projections: &projections,
-        rule,
-        kind: EdgeKind::Learned,
-        near_misses: 0,
-        progress,
-        done_before: 0,
-        total,
-    };
-    let mut report = ScoringReport {
-        all_pairs: nodes.iter().map(|n| all_partners(*n) as u64).sum(),
-        scored_pairs: 0,
-        probe_states: 0,
-        recall: None,
-    };
-    let scored = match options.candidates {
-        PairCandidates::Nearest { share, sample } if count > 0 => {
-            let embedding = ConnectionEmbedding::fit(traversability, &projections, sample, 0)?;
-            let from = embedding.embed_from(&projections.from);
-            let to = embedding.embed_to(&projections.to);
-            let nearest = (share.clamp(0.0, 1.0) * count as f64).ceil() as usize;
-            let proposed: Vec<Vec<u32>> = nodes
-                .par_iter()
-                .map(|node| {
-                    most_connected(from.row(*node as usize), &to, nearest, |b| {
-                        may_join(*node, b)
-                    })
-                })
-                .collect();
-            let total = proposed.iter().map(|targets| targets.len() as u64).sum();
-            let scored =
-                scorer(total).score(&nodes, &|n| proposed[n as usize].len(), &|n, out| {
-                    out.extend(&proposed[n as usize]);
-                })?;
-            let probe: Vec<u32> = nodes
-                .iter()
-                .step_by(count.div_ceil(PROBE_STATES))
-                .copied()
-                .collect();
-            let total = probe.iter().map(|n| all_partners(*n) as u64).sum();
-            let whole = scorer(total).score(&probe, &all_partners, &all_targets)?;
-            report.probe_states = probe.len();
-            report.recall = Some(recall(&scored.edges, &whole.edges));
-            report.scored_pairs = embedding.scored_pairs() + whole.pair_count;
-            scored
-        }
-        _ => scorer(report.all_pairs).score(&nodes, &all_partners, &all_targets)?,
-    };
-    report.scored_pairs += scored.pair_count;
-    for (from, to, edge) in scored.edges {
-        graph.push_edge(from, to, edge);
-    }
-    Ok(report)
-}
-
-/// The share of `all` edges that are among those `found`; 1 where there are none.
-fn recall(found: &[(NodeId, NodeId, Edge)], all: &[(NodeId, NodeId, Edge)]) -> f64 {
-    let found: HashSet<(NodeId, NodeId)> = found.iter().map(|(a, b, _)| (*a, *b)).collect();
-    let hits = all.iter().filter(|(a, b, _)| found.contains(&(*a, *b)));
-    if all.is_empty() {
-        return 1.0;
-    }
-    hits.count() as f64 / all.len() as f64
 }
 
 /// For each node, the range of nodes that belong to its demonstration.

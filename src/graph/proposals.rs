@@ -1,9 +1,10 @@
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DMatrixView};
 use rand::SeedableRng;
 use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
+use super::index::columns;
 use crate::model::{Latents, ModelError, Projections, Traversability, predict_in_blocks};
 
 /// Largest number of states on either side of the sample that is scored in full.
@@ -14,8 +15,8 @@ const RANK: usize = 64;
 const CERTAIN: f64 = 12.0;
 /// What keeps the interpolation from following single states.
 const RIDGE: f64 = 1e-3;
-/// Rows that one thread looks through at least.
-const ROWS_A_TASK: usize = 16_384;
+/// Rows that are embedded at once.
+const EMBEDDED_ROWS: usize = 512;
 
 /// An inexpensive likeness of a traversability function: the inner product of an embedding of the state
 /// that is left and one of the state that is to be reached is about the log-odds of being connected.
@@ -37,7 +38,7 @@ struct Tower {
     sample: Latents,
     inverse_scale: f64,
     /// A row a value of the embedding, a column a sampled state.
-    weights: DMatrix<f64>,
+    weights: DMatrix<f32>,
 }
 
 impl ConnectionEmbedding {
@@ -105,34 +106,6 @@ impl ConnectionEmbedding {
     }
 }
 
-/// The `count` rows of `to` with the largest inner product with `from`, in ascending order, of those
-/// that `is_wanted` picks: what a [`ConnectionEmbedding`] holds for most probably connected.
-///
-/// # Panics
-/// If `from` has fewer values than the rows.
-#[must_use]
-pub fn most_connected(
-    from: &[f32],
-    to: &Latents,
-    count: usize,
-    is_wanted: impl Fn(u32) -> bool + Sync,
-) -> Vec<u32> {
-    let mut scored: Vec<(f32, u32)> = (0..to.len() as u32)
-        .into_par_iter()
-        .with_min_len(ROWS_A_TASK)
-        .filter(|row| is_wanted(*row))
-        .map(|row| (dot(from, to.row(row as usize)), row))
-        .collect();
-    if scored.len() > count {
-        let order = |a: &(f32, u32), b: &(f32, u32)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
-        scored.select_nth_unstable_by(count, order);
-        scored.truncate(count);
-    }
-    let mut rows: Vec<u32> = scored.into_iter().map(|(_, row)| row).collect();
-    rows.sort_unstable();
-    rows
-}
-
 /// Log-odds of being connected for all pairs of two lists of states, above the least that counts.
 fn log_odds(
     traversability: &(dyn Traversability + Sync),
@@ -173,7 +146,8 @@ impl Tower {
             .cholesky()
             .expect("a Gaussian kernel with a ridge is positive definite")
             .solve(values)
-            .transpose();
+            .transpose()
+            .map(|weight| weight as f32);
         Self {
             sample,
             inverse_scale,
@@ -181,34 +155,40 @@ impl Tower {
         }
     }
 
+    /// Rows of the embedding, in blocks: two products of matrices with a kernel between them.
     fn embed(&self, rows: &Latents) -> Latents {
-        let rank = self.weights.nrows();
-        let embedded: Vec<Vec<f32>> = (0..rows.len())
-            .into_par_iter()
-            .map(|row| {
-                let row = rows.row(row);
-                let near = (0..self.sample.len()).map(|at| {
-                    let squared = squared_distance(row, self.sample.row(at));
-                    (-squared * self.inverse_scale).exp()
-                });
-                let near = DVector::from_iterator(self.sample.len(), near);
-                (&self.weights * near)
-                    .iter()
-                    .map(|value| *value as f32)
-                    .collect()
+        let dim = rows.dim();
+        let own = columns(self.sample.values(), dim);
+        let sample = own.transpose();
+        let norms = squared_norms(own);
+        let scale = self.inverse_scale as f32;
+        let embedded: Vec<Vec<f32>> = rows
+            .values()
+            .par_chunks(EMBEDDED_ROWS * dim)
+            .map(|block| {
+                let block = columns(block, dim);
+                let block_norms = squared_norms(block);
+                let mut near = &sample * block;
+                for (mut column, norm) in near.column_iter_mut().zip(&block_norms) {
+                    for (value, own) in column.iter_mut().zip(&norms) {
+                        let squared = (own + norm - 2.0 * *value).max(0.0);
+                        *value = (-squared * scale).exp();
+                    }
+                }
+                (&self.weights * near).as_slice().to_vec()
             })
             .collect();
-        Latents::from_values(rank, embedded.concat())
+        Latents::from_values(self.weights.nrows(), embedded.concat())
     }
+}
+
+fn squared_norms(columns: DMatrixView<'_, f32>) -> Vec<f32> {
+    columns.column_iter().map(|c| c.norm_squared()).collect()
 }
 
 fn squared_distance(a: &[f32], b: &[f32]) -> f64 {
     let squares = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b));
     f64::from(squares.sum::<f32>())
-}
-
-fn dot(a: &[f32], b: &[f32]) -> f32 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn median(values: impl Iterator<Item = f64>) -> f64 {
@@ -220,6 +200,7 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::graph::ConnectionIndex;
     use crate::graph::fakes::Oracle;
 
     /// States along a corridor that are connected where the second is up to 4 ahead.
@@ -245,11 +226,11 @@ mod tests {
             ConnectionEmbedding::fit(&oracle, &projections, 0.5, 3).expect("it answers");
         assert_eq!(embedding.scored_pairs(), 100 * 100);
         let from = embedding.embed_from(&projections.from);
-        let to = embedding.embed_to(&projections.to);
+        let to = ConnectionIndex::new(embedding.embed_to(&projections.to));
         let (mut found, mut all) = (0, 0);
         for a in 0..200_u32 {
             // Nine states from itself on, of which a proposal may hold three more.
-            let near = most_connected(from.row(a as usize), &to, 12, |_| true);
+            let near = to.most_connected(from.row(a as usize), 12, |_| true);
             let true_ones = (a..(a + 9).min(200)).filter(|b| near.contains(b));
             found += true_ones.count();
             all += (a..(a + 9).min(200)).count();
@@ -263,9 +244,8 @@ mod tests {
         let rows = || {
             let embedding = ConnectionEmbedding::fit(&oracle, &projections, 0.5, 3).unwrap();
             let from = embedding.embed_from(&projections.from);
-            most_connected(from.row(20), &embedding.embed_to(&projections.to), 8, |b| {
-                b != 21
-            })
+            let to = ConnectionIndex::new(embedding.embed_to(&projections.to));
+            to.most_connected(from.row(20), 8, |b| b != 21)
         };
         assert_eq!(rows(), rows());
         assert_eq!(rows().len(), 8);
@@ -278,7 +258,7 @@ mod tests {
         let embedding =
             ConnectionEmbedding::fit(&oracle, &projections, 0.1, 0).expect("it answers");
         let from = embedding.embed_from(&projections.from);
-        let to = embedding.embed_to(&projections.to);
-        assert_eq!(most_connected(from.row(0), &to, 10, |_| true), [0, 1, 2]);
+        let to = ConnectionIndex::new(embedding.embed_to(&projections.to));
+        assert_eq!(to.most_connected(from.row(0), 10, |_| true), [0, 1, 2]);
     }
 }

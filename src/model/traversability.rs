@@ -71,6 +71,12 @@ impl StepDistributions {
         &self.probabilities[pair * self.d_max..(pair + 1) * self.d_max]
     }
 
+    /// The probabilities, row after row.
+    #[must_use]
+    pub fn into_values(self) -> Vec<f32> {
+        self.probabilities
+    }
+
     /// All rows in the order of the pairs.
     pub fn rows(&self) -> impl Iterator<Item = &[f32]> {
         self.probabilities.chunks_exact(self.d_max)

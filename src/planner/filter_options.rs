@@ -34,6 +34,10 @@ pub struct FilterOptions {
     pub lost_probability: f64,
     /// ... for so many steps in a row.
     pub lost_patience: u32,
+    /// Compositions of at most so many places have a share of the belief for each of them. In larger
+    /// ones the most probable places and those that distances are known of have one, and what is left
+    /// is kept by time and stage, so that a step costs the same however large the graph is.
+    pub exact_places: usize,
 }
 
 impl Default for FilterOptions {
@@ -53,6 +57,7 @@ impl Default for FilterOptions {
             regress_stages: 1,
             lost_probability: 0.2,
             lost_patience: 4,
+            exact_places: 16_384,
         }
     }
 }

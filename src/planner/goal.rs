@@ -109,11 +109,11 @@ impl Planner {
         distances: &LiveDistances,
     ) -> Option<Entry> {
         let mut best: Option<(f32, PlaceId)> = None;
-        for place in self.all_places() {
+        for place in self.known_places(distances) {
             let is_of_stage = self.layout.place(place).stage == localisation.stage;
             let near = distances.connected_probability(self.layout.place(place).node);
             if let Some(near) = near.filter(|_| is_of_stage && self.costs.cost(place).is_some())
-                && best.is_none_or(|(b, _)| near > b)
+                && best.is_none_or(|(b, first)| near > b || (near == b && place < first))
             {
                 best = Some((near, place));
             }
@@ -133,7 +133,7 @@ impl Planner {
     /// The place with the least cost from the current state to the final state through it.
     fn best_entry(&self, localisation: &Localisation, distances: &LiveDistances) -> Option<Entry> {
         let mut best: Option<Entry> = None;
-        for place in self.all_places() {
+        for place in self.known_places(distances) {
             let Some(beyond) = self.costs.cost(place) else {
                 continue;
             };
@@ -141,7 +141,8 @@ impl Planner {
                 continue;
             };
             let total = price.cost + beyond;
-            if best.as_ref().is_none_or(|b| total < b.total) {
+            let is_better = |b: &Entry| total < b.total || (total == b.total && place < b.place);
+            if best.as_ref().is_none_or(is_better) {
                 best = Some(Entry {
                     place,
                     price,
@@ -150,6 +151,14 @@ impl Planner {
             }
         }
         best
+    }
+
+    /// The places of the states that distances are known of.
+    fn known_places(&self, distances: &LiveDistances) -> impl Iterator<Item = PlaceId> {
+        distances
+            .nodes()
+            .iter()
+            .flat_map(|node| self.layout.places_of(*node))
     }
 
     /// What going from the current state straight to a place costs, if that may be planned.

@@ -1,3 +1,5 @@
+use super::belief::Belief;
+use super::groups::Groups;
 use super::motion::Motion;
 use super::{FilterOptions, Layout, LiveDistances, PlaceId};
 use crate::graph::NodeId;
@@ -54,12 +56,19 @@ pub struct Localisation {
 ///
 /// A single look-alike frame moves little of it, since the robot cannot have been anywhere near that
 /// state before. Stages advance and fall back by votes. The same input gives the same belief.
+///
+/// In large compositions only the most probable places and those that distances are known of have a share
+/// of their own, see [`FilterOptions::exact_places`]: a step then takes a time that depends on how many
+/// distances there are, not on the size of the graph.
 #[derive(Clone, Debug)]
 pub struct StageFilter {
     layout: Layout,
     options: FilterOptions,
+    groups: Groups,
     motion: Motion,
-    belief: Vec<f64>,
+    belief: Belief,
+    /// The belief before, whose memory the next one takes.
+    spare: Belief,
     stage: usize,
     votes: Votes,
     /// For each stage, the largest probability it had since the current stage began.
@@ -79,6 +88,8 @@ const START_STEPS: f64 = 4.0;
 const RULED_OUT: f64 = 0.02;
 /// Probability below which the current stage is out of question.
 const POSSIBLE: f64 = 0.02;
+/// Most places that keep a share of their own from one step to the next in a large composition.
+const KEPT_PLACES: usize = 1024;
 /// Probability that a stage must have had once for its subgoal to count as seen.
 const SEEN: f64 = 0.3;
 
@@ -86,13 +97,18 @@ impl StageFilter {
     /// A filter that believes the robot near the start of the first task.
     #[must_use]
     pub fn new(layout: Layout, options: FilterOptions) -> Self {
-        let motion = Motion::new(&layout);
+        let groups = Groups::new(&layout);
+        let is_exact = layout.places().len() <= options.exact_places;
+        let motion = Motion::new(&layout, &groups, &options, is_exact);
+        let belief = Belief::new(&groups, layout.places().len());
         let stages = layout.stage_count();
         let mut filter = Self {
             layout,
             options,
+            groups,
             motion,
-            belief: Vec::new(),
+            spare: belief.clone(),
+            belief,
             stage: 0,
             votes: Votes::default(),
             peaks: vec![0.0; stages],
@@ -104,24 +120,29 @@ impl StageFilter {
 
     /// Back to the beginning of the composition, for a new episode.
     pub fn reset(&mut self) {
-        let start = |time: f32| (-f64::from(time) / START_STEPS).exp();
-        let first = |o: usize, s: usize| o == 0 && s == 0;
-        self.belief = self
-            .layout
-            .places()
-            .iter()
-            .map(|p| {
-                if first(p.occurrence, p.stage) {
-                    start(p.time_steps)
-                } else {
-                    0.0
-                }
-            })
-            .map(|b| b + self.options.restart)
-            .collect();
-        normalise(&mut self.belief);
+        self.belief.clear(&self.groups);
+        self.belief.list_all(&self.groups);
+        for (id, place) in (0..).map(PlaceId).zip(self.layout.places()) {
+            let is_first = place.occurrence == 0 && place.stage == 0;
+            let start = (-f64::from(place.time_steps) / START_STEPS).exp();
+            let mass = f64::from(u8::from(is_first)) * start + self.options.restart;
+            self.belief.add(id, mass);
+        }
+        self.belief.weigh(|_| 1.0, |_| 1.0);
+        self.forget_the_least();
         self.set_stage(0);
         self.unfit_steps = 0;
+    }
+
+    /// Whether every place has a share of its own.
+    fn is_exact(&self) -> bool {
+        self.layout.places().len() <= self.options.exact_places
+    }
+
+    fn forget_the_least(&mut self) {
+        if !self.is_exact() {
+            self.belief.keep(&self.groups, KEPT_PLACES);
+        }
     }
 
     /// The graph along the composition.
@@ -145,10 +166,13 @@ impl StageFilter {
         self.stage
     }
 
-    /// The belief, by place; sums to 1.
+    /// The belief that the robot is at a place, 0..=1; over all places it sums to 1.
+    ///
+    /// # Panics
+    /// If the place is not in the layout.
     #[must_use]
-    pub fn belief(&self) -> &[f64] {
-        &self.belief
+    pub fn probability(&self, place: PlaceId) -> f64 {
+        self.belief.of(&self.groups, place)
     }
 
     /// The most probable places of the current stage with their shares of the belief in all of them, the
@@ -156,22 +180,22 @@ impl StageFilter {
     /// the first.
     #[must_use]
     pub fn most_probable_places(&self, count: usize) -> Vec<(PlaceId, f64)> {
-        let of_stage = |i: &usize| self.layout.places()[*i].stage == self.stage;
-        let mut places: Vec<usize> = (0..self.belief.len()).filter(of_stage).collect();
+        let of_stage = |(id, _): &(PlaceId, f64)| self.layout.place(*id).stage == self.stage;
+        let mut places: Vec<(PlaceId, f64)> = self.belief.listed().filter(of_stage).collect();
         let order =
-            |a: &usize, b: &usize| self.belief[*b].total_cmp(&self.belief[*a]).then(a.cmp(b));
+            |a: &(PlaceId, f64), b: &(PlaceId, f64)| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0));
         if places.len() > count {
             places.select_nth_unstable_by(count, order);
             places.truncate(count);
         }
         places.sort_unstable_by(order);
-        let least = places.first().map_or(0.0, |i| self.belief[*i] * RULED_OUT);
-        places.retain(|i| self.belief[*i] >= least);
-        let total: f64 = places.iter().map(|i| self.belief[*i]).sum();
+        let least = places.first().map_or(0.0, |(_, mass)| mass * RULED_OUT);
+        places.retain(|(_, mass)| *mass >= least);
+        let total: f64 = places.iter().map(|(_, mass)| mass).sum();
+        for (_, mass) in &mut places {
+            *mass /= total;
+        }
         places
-            .into_iter()
-            .map(|i| (PlaceId(i as u32), self.belief[i] / total))
-            .collect()
     }
 
     /// Takes the robot to be at a stage, whatever the votes say.
@@ -191,26 +215,9 @@ impl StageFilter {
 
     /// One step on: the robot acted, and now sees something at these distances.
     pub fn update(&mut self, distances: &LiveDistances) -> Localisation {
-        let mut belief = if self.is_lost() {
-            self.anywhere_in_stage()
-        } else {
-            self.motion
-                .predict(&self.layout, &self.options, &self.belief)
-        };
-        let lowest = self.lowest_stage();
-        let unknown = self.likelihood_of(None, None);
-        for (mass, place) in belief.iter_mut().zip(self.layout.places()) {
-            *mass *= if place.stage < lowest {
-                0.0
-            } else {
-                match (distances.to(place.node), distances.from(place.node)) {
-                    (None, None) => unknown,
-                    (to, from) => self.likelihood_of(to, from),
-                }
-            };
-        }
-        normalise(&mut belief);
-        self.belief = belief;
+        self.predict(distances);
+        self.weigh(distances);
+        self.forget_the_least();
         let stage_probabilities = self.stage_probabilities();
         let fit = self.fit(distances);
         // What is seen is like nothing that is believed: a belief that only drifts on decides nothing.
@@ -233,50 +240,82 @@ impl StageFilter {
         self.unfit_steps > 0 && self.unfit_steps >= self.options.lost_patience
     }
 
-    /// What a lost robot starts from: any state of the current stage is as likely as any other. A
-    /// belief that moved on without evidence would lead it through the task with closed eyes.
-    fn anywhere_in_stage(&self) -> Vec<f64> {
-        let places = self.layout.places().iter();
-        places
-            .map(|place| f64::from(u8::from(place.stage == self.stage)) + self.options.restart)
-            .collect()
+    /// The belief before this step's distances are looked at. Places that they are known of are listed.
+    fn predict(&mut self, distances: &LiveDistances) {
+        let (is_exact, is_lost) = (self.is_exact(), self.is_lost());
+        let groups = &self.groups;
+        let next = &mut self.spare;
+        next.clear(groups);
+        if is_exact {
+            next.list_all(groups);
+        } else {
+            for node in distances.nodes() {
+                for place in self.layout.places_of(*node) {
+                    next.list(groups, place);
+                }
+            }
+        }
+        if is_lost {
+            // Any state of the current stage is as likely as any other: a belief that moved on without
+            // evidence would lead a lost robot through the task with closed eyes.
+            let of_stage = |stage: &usize| f64::from(u8::from(*stage == self.stage));
+            let a_place = groups.stages.iter().map(of_stage);
+            let a_place: Vec<f64> = a_place.map(|mass| mass + self.options.restart).collect();
+            next.add_evenly(groups, &a_place);
+            next.sort();
+        } else {
+            let motion = &self.motion;
+            motion.predict(&self.layout, groups, &self.options, &self.belief, next);
+        }
+        std::mem::swap(&mut self.belief, &mut self.spare);
+    }
+
+    /// Weighs the belief by how near each place seems.
+    fn weigh(&mut self, distances: &LiveDistances) {
+        let lowest = self.lowest_stage();
+        let (layout, groups, options) = (&self.layout, &self.groups, &self.options);
+        let unknown = likelihood(options, None, None);
+        self.belief.weigh(
+            |place| {
+                let place = layout.place(place);
+                if place.stage < lowest {
+                    return 0.0;
+                }
+                match (distances.to(place.node), distances.from(place.node)) {
+                    (None, None) => unknown,
+                    (to, from) => likelihood(options, to, from),
+                }
+            },
+            |group| f64::from(u8::from(groups.stages[group] >= lowest)) * unknown,
+        );
     }
 
     /// The most probable place of the current stage; of all stages where that one is out of question.
     fn best_place(&self, stage_probabilities: &[f64]) -> PlaceId {
         let is_possible = stage_probabilities[self.stage] >= POSSIBLE;
-        let mut best: Option<usize> = None;
-        for (i, place) in self.layout.places().iter().enumerate() {
-            let counts = place.stage == self.stage || !is_possible;
-            if counts && best.is_none_or(|b| self.belief[i] > self.belief[b]) {
-                best = Some(i);
+        let mut best: Option<(PlaceId, f64)> = None;
+        for (id, mass) in self.belief.listed() {
+            let counts = !is_possible || self.layout.place(id).stage == self.stage;
+            if counts && best.is_none_or(|(_, b)| mass > b) {
+                best = Some((id, mass));
             }
         }
-        PlaceId(best.unwrap_or(0) as u32)
-    }
-
-    /// How well the distances from and to a state fit with the robot being at it: both are one step
-    /// for the state itself, and more or less so for its neighbours.
-    fn likelihood_of(&self, to: Option<&[f32]>, from: Option<&[f32]>) -> f64 {
-        let near = |row: Option<&[f32]>| {
-            let Some(row) = row else { return 0.0 };
-            let mut weight = 1.0;
-            let mut sum = 0.0;
-            for p in &row[..row.len() - 1] {
-                sum += weight * f64::from(*p);
-                weight *= 0.4;
-            }
-            sum
+        // No place of the stage has a share of its own: any of them is as good as another.
+        let first = || {
+            let places = self.layout.places().iter();
+            let at = places.take_while(|p| p.stage != self.stage).count();
+            PlaceId(at.min(self.layout.places().len() - 1) as u32)
         };
-        let floor = self.options.floor;
-        let both = (floor + near(to)) * (floor + near(from));
-        both.powf(self.options.evidence_weight)
+        best.map_or_else(first, |(id, _)| id)
     }
 
     fn stage_probabilities(&self) -> Vec<f64> {
         let mut probabilities = vec![0.0; self.layout.stage_count()];
-        for (mass, place) in self.belief.iter().zip(self.layout.places()) {
-            probabilities[place.stage] += mass;
+        for (id, mass) in self.belief.listed() {
+            probabilities[self.layout.place(id).stage] += mass;
+        }
+        for (group, mass) in self.belief.rest() {
+            probabilities[self.groups.stages[group]] += mass;
         }
         probabilities
     }
@@ -321,9 +360,9 @@ impl StageFilter {
     /// Mean probability, by belief, that what is seen is connected to where the robot is believed to be.
     fn fit(&self, distances: &LiveDistances) -> f64 {
         let connected = |node| f64::from(distances.connected_probability(node).unwrap_or(0.0));
-        let masses = self.belief.iter().zip(self.layout.places());
-        masses
-            .map(|(mass, place)| mass * connected(place.node))
+        self.belief
+            .listed()
+            .map(|(id, mass)| mass * connected(self.layout.place(id).node))
             .sum()
     }
 
@@ -340,7 +379,7 @@ impl StageFilter {
             stage: self.stage,
             time_steps: best.time_steps,
             stage_probabilities,
-            entropy_nats: entropy(&self.belief),
+            entropy_nats: self.belief.entropy(),
             fit,
             is_lost: self.is_lost(),
             change,
@@ -359,17 +398,19 @@ fn most_probable(values: &[f64]) -> usize {
     best
 }
 
-fn entropy(belief: &[f64]) -> f64 {
-    belief
-        .iter()
-        .filter(|b| **b > 0.0)
-        .map(|b| -b * b.ln())
-        .sum()
-}
-
-fn normalise(belief: &mut [f64]) {
-    let sum: f64 = belief.iter().sum();
-    for b in belief {
-        *b /= sum;
-    }
+/// How well the distances from and to a state fit with the robot being at it: both are one step
+/// for the state itself, and more or less so for its neighbours.
+fn likelihood(options: &FilterOptions, to: Option<&[f32]>, from: Option<&[f32]>) -> f64 {
+    let near = |row: Option<&[f32]>| {
+        let Some(row) = row else { return 0.0 };
+        let mut weight = 1.0;
+        let mut sum = 0.0;
+        for p in &row[..row.len() - 1] {
+            sum += weight * f64::from(*p);
+            weight *= 0.4;
+        }
+        sum
+    };
+    let both = (options.floor + near(to)) * (options.floor + near(from));
+    both.powf(options.evidence_weight)
 }

@@ -5,3 +5,5 @@ mod following;
 mod reference;
 mod routes;
 mod worlds;
+
+pub(super) use corridor::layout as layout_of_corridor;

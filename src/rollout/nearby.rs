@@ -1,5 +1,5 @@
-use crate::graph::{ConnectionEmbedding, NodeId, most_connected};
-use crate::model::{Latents, ModelError, Projections, Traversability};
+use crate::graph::{ConnectionEmbedding, ConnectionIndex, NodeId};
+use crate::model::{ModelError, Projections, Traversability};
 use crate::planner::{PlaceId, StageFilter};
 
 /// Places of the belief whose states are asked for, however far they seem.
@@ -11,8 +11,8 @@ const BELIEVED_PLACES: usize = 64;
 #[derive(Debug)]
 pub(super) struct Nearby {
     embedding: ConnectionEmbedding,
-    from: Latents,
-    to: Latents,
+    from: ConnectionIndex,
+    to: ConnectionIndex,
     count: usize,
     /// Whether a node has a place in the composition.
     has_place: Vec<bool>,
@@ -36,8 +36,8 @@ impl Nearby {
             has_place[node.index()] = true;
         }
         Ok(Self {
-            from: embedding.embed_from(&projections.from),
-            to: embedding.embed_to(&projections.to),
+            from: ConnectionIndex::new(embedding.embed_from(&projections.from)),
+            to: ConnectionIndex::new(embedding.embed_to(&projections.to)),
             embedding,
             count,
             has_place,
@@ -49,13 +49,13 @@ impl Nearby {
         let has_place = |node: u32| self.has_place[node as usize];
         let leaving = self.embedding.embed_from(&current.from);
         let arriving = self.embedding.embed_to(&current.to);
-        let mut nodes = most_connected(leaving.row(0), &self.to, self.count, has_place);
-        nodes.extend(most_connected(
-            arriving.row(0),
-            &self.from,
-            self.count,
-            has_place,
-        ));
+        let mut nodes = self
+            .to
+            .most_connected(leaving.row(0), self.count, has_place);
+        nodes.extend(
+            self.from
+                .most_connected(arriving.row(0), self.count, has_place),
+        );
         let layout = filter.layout();
         for (place, _) in filter.most_probable_places(BELIEVED_PLACES) {
             let next = |place: PlaceId| layout.successor(place);

@@ -1,12 +1,12 @@
 //! Graphs as folders: two tables, optional pictures, and a manifest.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::graph_images::{self, GraphImage};
 use super::replace::{replace_folder, settle_folder};
 use super::tables::{self, ADVICE, EdgeReader, EdgeWriter};
 use super::{GraphManifest, StorageError};
-use crate::graph::TopologicalGraph;
+use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph};
 
 /// The table of nodes.
 const NODES: &str = "nodes.parquet";
@@ -41,17 +41,68 @@ pub fn save_graph_with_images(
     manifest: &GraphManifest,
     images: impl IntoIterator<Item = GraphImage>,
 ) -> Result<GraphManifest, StorageError> {
+    save(folder, graph, manifest, images, |edges| {
+        edges.write(graph.edges())?;
+        Ok(graph.edge_count())
+    })
+}
+
+/// Saves a graph whose learned edges lie in tables of their own: each with how many it holds. Of `states`
+/// it takes nodes and temporal edges. It holds one group of rows, however many edges there are.
+pub(super) fn save_graph_from_parts(
+    folder: &Path,
+    states: &TopologicalGraph,
+    parts: &[(PathBuf, usize)],
+    manifest: &GraphManifest,
+    images: impl IntoIterator<Item = GraphImage>,
+) -> Result<GraphManifest, StorageError> {
+    save(folder, states, manifest, images, |edges| {
+        let is_temporal = |(_, _, edge): &(NodeId, NodeId, &Edge)| edge.kind == EdgeKind::Temporal;
+        edges.write(states.edges().filter(is_temporal))?;
+        let mut count = states.edges().filter(is_temporal).count();
+        for (path, expected) in parts {
+            let mut found = 0;
+            for batch in EdgeReader::open(path, states.node_count(), states.d_max())? {
+                let batch = batch?;
+                found += batch.len();
+                edges.write(batch.iter().map(|(from, to, edge)| (*from, *to, edge)))?;
+            }
+            if found != *expected {
+                return Err(StorageError::Table {
+                    path: path.clone(),
+                    reason: format!(
+                        "{found} edges, {expected} were kept. Remove the folder and build again"
+                    ),
+                });
+            }
+            count += found;
+        }
+        Ok(count)
+    })
+}
+
+/// Saves nodes, the edges that `write` hands over and counts, and pictures.
+fn save(
+    folder: &Path,
+    graph: &TopologicalGraph,
+    manifest: &GraphManifest,
+    images: impl IntoIterator<Item = GraphImage>,
+    write: impl Fn(&mut EdgeWriter) -> Result<usize, StorageError>,
+) -> Result<GraphManifest, StorageError> {
     let mut saved = manifest.clone();
     replace_folder(folder, |draft| {
         tables::write_nodes(&draft.join(NODES), graph)?;
         let mut edges = EdgeWriter::create(&draft.join(EDGES), graph.d_max())?;
-        edges.write(graph.edges())?;
+        let edge_count = write(&mut edges)?;
         edges.finish()?;
         let mut names = vec![NODES, EDGES];
         if graph_images::write(draft, graph, images)? {
             names.push(graph_images::FILE_NAME);
         }
-        saved = manifest.completed(draft, graph, &names)?;
+        saved = GraphManifest {
+            edge_count,
+            ..manifest.completed(draft, graph, &names)?
+        };
         saved.save(draft)
     })?;
     Ok(saved)

@@ -37,6 +37,9 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("clap", &["cli"]),
     ("indicatif", &["cli"]),
     ("petgraph", &["graph", "planner"]),
+    ("linfa", &["graph"]),
+    ("linfa_clustering", &["graph"]),
+    ("ndarray", &["graph"]),
 ];
 
 fn rust_files(folder: &Path, into: &mut Vec<PathBuf>) {

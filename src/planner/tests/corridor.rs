@@ -3,9 +3,11 @@
 use std::sync::Arc;
 
 use crate::graph::fakes::{Oracle, add_demonstration, task};
-use crate::graph::{Edge, EdgeKind, MergeOptions, NodeId, TopologicalGraph, merge};
+use crate::graph::{
+    CrossTaskCandidates, Edge, EdgeKind, MergeOptions, NodeId, TopologicalGraph, merge,
+};
 use crate::model::{Latents, Traversability};
-use crate::planner::LiveDistances;
+use crate::planner::{Layout, LiveDistances, Search};
 use crate::task::{Automaton, Task};
 
 pub(super) const D_MAX: usize = 5;
@@ -33,12 +35,12 @@ pub(super) fn oracle() -> Oracle {
     Oracle::new(D_MAX, forward)
 }
 
-/// Three demonstrations of a task from `start` to `start + 19`, each a little aside of the others.
-fn demonstrations(task: &Task, start: f32) -> TopologicalGraph {
+/// Demonstrations of a task from `start` to `start + 19`, each a little aside of the others.
+fn demonstrations(task: &Task, start: f32, count: usize) -> TopologicalGraph {
     let mut graph = TopologicalGraph::new(1, D_MAX);
-    for aside in 0..3 {
+    for aside in 0..count {
         let positions: Vec<Vec<f32>> = (0..20)
-            .map(|i| vec![start + i as f32 + 0.1 * aside as f32])
+            .map(|i| vec![start + i as f32 + 0.3 * aside as f32 / count as f32])
             .collect();
         let id = format!("{}{aside}", task.name);
         add_demonstration(&mut graph, task, &id, &positions, &[8, 19]);
@@ -46,10 +48,24 @@ fn demonstrations(task: &Task, start: f32) -> TopologicalGraph {
     graph
 }
 
+/// Both tasks with many demonstrations and the edges across the seam only.
+pub(super) fn crowded(demonstrations_a_task: usize) -> TopologicalGraph {
+    let [a, b] = tasks();
+    let graphs = [(a, 0.0), (b, 20.0)]
+        .map(|(task, start)| demonstrations(&task, start, demonstrations_a_task));
+    let options = MergeOptions {
+        candidates: CrossTaskCandidates::Seam { window_steps: 2 },
+        ..MergeOptions::default()
+    };
+    merge(&[&graphs[0], &graphs[1]], &[], &oracle(), &options, &|_| ())
+        .expect("the graphs fit")
+        .graph
+}
+
 /// Both tasks, with learned edges between demonstrations and across the seam.
 pub(super) fn merged() -> TopologicalGraph {
     let [a, b] = tasks();
-    let mut graphs = [demonstrations(&a, 0.0), demonstrations(&b, 20.0)];
+    let mut graphs = [demonstrations(&a, 0.0, 3), demonstrations(&b, 20.0, 3)];
     for graph in &mut graphs {
         add_near_edges(graph);
     }
@@ -86,6 +102,15 @@ pub(super) fn learned(kind: EdgeKind, steps: u32, probability: f32) -> Edge {
 
 /// What the robot predicts at a position.
 pub(super) fn seen_from(graph: &Arc<TopologicalGraph>, position: f32) -> LiveDistances {
+    seen_by(graph, position, |_| true)
+}
+
+/// The same of the states at positions that are asked for.
+pub(super) fn seen_by(
+    graph: &Arc<TopologicalGraph>,
+    position: f32,
+    is_asked: impl Fn(f32) -> bool,
+) -> LiveDistances {
     let oracle = oracle();
     let states = oracle
         .project(graph.latents())
@@ -93,7 +118,12 @@ pub(super) fn seen_from(graph: &Arc<TopologicalGraph>, position: f32) -> LiveDis
     let current = oracle
         .project(&Latents::from_values(1, vec![position]))
         .expect("the oracle knows all");
-    let nodes: Vec<NodeId> = graph.nodes().map(|(id, _)| id).collect();
+    let position_of = |id: &NodeId| graph.latents().row(id.index())[0];
+    let nodes: Vec<NodeId> = graph
+        .nodes()
+        .map(|(id, _)| id)
+        .filter(|id| is_asked(position_of(id)))
+        .collect();
     LiveDistances::query(&oracle, &states, &current, &nodes, 0.0).expect("the oracle knows all")
 }
 
@@ -109,4 +139,9 @@ pub(super) fn node_at(graph: &TopologicalGraph, trajectory: &str, step: u32) -> 
 /// How many subgoals hold for a robot that walked to a position.
 pub(super) fn true_stage(position: f32) -> usize {
     SUBGOALS_AT.iter().filter(|at| position >= **at).count()
+}
+
+/// A small layout: 120 places.
+pub(in crate::planner) fn layout() -> Layout {
+    Layout::new(&merged(), &automaton(), Search::InOrder).expect("the corridor has both tasks")
 }

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use super::corridor::{automaton, merged, seen_from, true_stage};
+use super::corridor::{automaton, crowded, merged, seen_by, seen_from, true_stage};
 use crate::graph::TopologicalGraph;
 use crate::planner::{
-    FilterOptions, FinalChoice, GoalBasis, LiveDistances, Localisation, Planner, PlannerOptions,
-    StageChange, StageFilter,
+    FilterOptions, FinalChoice, GoalBasis, LiveDistances, Localisation, PlaceId, Planner,
+    PlannerOptions, StageChange, StageFilter,
 };
 
 fn set_up() -> (Arc<TopologicalGraph>, Planner, StageFilter) {
@@ -153,9 +153,61 @@ fn same_frames_give_the_same_belief() {
     let run = || {
         let mut filter = filter.clone();
         walk(&graph, &mut filter, steps_to(30));
-        filter.belief().to_vec()
+        let places = 0..filter.layout().places().len() as u32;
+        let belief = places.map(|place| filter.probability(PlaceId(place)));
+        belief.collect::<Vec<f64>>()
     };
     assert_eq!(run(), run());
+}
+
+/// Follows a walk with all places exact and with the most probable ones only, asking for the
+/// states within three units of the robot.
+fn followed(exact_places: usize) -> Vec<Localisation> {
+    let graph = Arc::new(crowded(60));
+    let automaton = automaton();
+    let options = PlannerOptions::default();
+    let planner = Planner::new(graph.clone(), &automaton, &FinalChoice::Cheapest, options)
+        .expect("every demonstration ends");
+    let mut filter = planner.stage_filter(FilterOptions {
+        exact_places,
+        ..FilterOptions::default()
+    });
+    let stands = [12.0; 5];
+    // In between it is seen where it cannot be, and then nowhere.
+    let strays = [30.0, 13.0, 14.0, -50.0, -50.0, -50.0, -50.0, -50.0, 14.0];
+    let walk = (0..=12).map(|x| x as f32).chain(stands).chain(strays);
+    walk.chain((15..40).map(|x| x as f32))
+        .chain([39.0; 2])
+        .map(|x| {
+            let near = |at: f32| (at - x).abs() < 3.0;
+            filter.update(&seen_by(&graph, x, near))
+        })
+        .collect()
+}
+
+#[test]
+fn belief_in_the_most_probable_places_follows_as_well_as_the_exact_one() {
+    let (exact, sparse) = (followed(usize::MAX), followed(0));
+    for (step, (exact, sparse)) in exact.iter().zip(&sparse).enumerate() {
+        assert!(
+            (exact.time_steps - sparse.time_steps).abs() <= 2.0,
+            "step {step}: {} and {}",
+            exact.time_steps,
+            sparse.time_steps
+        );
+        assert_eq!(exact.stage, sparse.stage, "step {step}");
+        assert_eq!(exact.is_lost, sparse.is_lost, "step {step}");
+        let total: f64 = sparse.stage_probabilities.iter().sum();
+        assert!((total - 1.0).abs() < 1e-9, "step {step}: {total}");
+        for (a, b) in exact
+            .stage_probabilities
+            .iter()
+            .zip(&sparse.stage_probabilities)
+        {
+            assert!((a - b).abs() < 0.1, "step {step}: {a} and {b}");
+        }
+    }
+    assert_eq!(exact.last().map(|l| l.stage), Some(4));
 }
 
 #[test]

@@ -1,0 +1,216 @@
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::graph_folder::save_graph_from_parts;
+use super::graph_images::GraphImage;
+use super::replace::write_file;
+use super::tables::{self, EdgeReader, EdgeWriter};
+use super::{GraphManifest, StorageError};
+use crate::graph::{EdgeKind, EdgeSink, JoinedEdges, TopologicalGraph};
+
+/// What a build of the folder `graph` keeps in `graph.build` until it is finished.
+const ENDING: &str = "build";
+/// What the build is of, and its parts.
+const PROGRESS: &str = "build.json";
+/// The states.
+const STATES: &str = "nodes.parquet";
+/// The temporal edges between them.
+const TEMPORAL: &str = "temporal.parquet";
+
+/// A build of a graph that can be gone on with when it was interrupted.
+///
+/// Beside the graph's folder lies one with the states, once they are encoded, and with the learned edges of
+/// each part of the work that is done. A build of the same model, demonstrations and options takes them
+/// up; of others, it begins anew. [`finish`](Self::finish) puts the graph together from its parts, one
+/// batch of rows at a time.
+#[derive(Debug)]
+pub struct BuildFolder {
+    graph_folder: PathBuf,
+    folder: PathBuf,
+    progress: Progress,
+}
+
+/// `build.json`.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Progress {
+    manifest: GraphManifest,
+    /// Pairs of a part; other parts hold other states.
+    part_pairs: u64,
+    /// Whether the states are there, and how long they and their latents are.
+    states: Option<States>,
+    parts: BTreeMap<usize, Part>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct States {
+    count: usize,
+    latent_dim: usize,
+    d_max: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Part {
+    edges: usize,
+    pairs: u64,
+}
+
+impl BuildFolder {
+    /// Takes up the build of the graph folder `graph_folder`, or begins it. `manifest` says what is built:
+    /// what it was made from and the options; `part_pairs` into which parts the pairs are cut.
+    ///
+    /// # Errors
+    /// [`StorageError::Io`] when the folder cannot be read, made or emptied.
+    pub fn open(
+        graph_folder: &Path,
+        manifest: &GraphManifest,
+        part_pairs: u64,
+    ) -> Result<Self, StorageError> {
+        let mut name = graph_folder.file_name().unwrap_or_default().to_owned();
+        name.push(".");
+        name.push(ENDING);
+        let folder = graph_folder.with_file_name(name);
+        let fresh = Progress {
+            manifest: manifest.clone(),
+            part_pairs,
+            states: None,
+            parts: BTreeMap::new(),
+        };
+        let kept = fs::read(folder.join(PROGRESS)).ok();
+        let kept = kept.and_then(|text| serde_json::from_slice::<Progress>(&text).ok());
+        let kept = kept.filter(|p| p.manifest == fresh.manifest && p.part_pairs == part_pairs);
+        if kept.is_none() {
+            match fs::remove_dir_all(&folder) {
+                Err(e) if e.kind() != io::ErrorKind::NotFound => {
+                    return Err(StorageError::io("empty", &folder)(e));
+                }
+                _ => fs::create_dir_all(&folder).map_err(StorageError::io("create", &folder))?,
+            }
+        }
+        let build = Self {
+            graph_folder: graph_folder.to_owned(),
+            folder,
+            progress: kept.unwrap_or(fresh),
+        };
+        build.save_progress()?;
+        Ok(build)
+    }
+
+    /// Where it keeps what is done.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// How many parts are done.
+    #[must_use]
+    pub fn kept_parts(&self) -> usize {
+        self.progress.parts.len()
+    }
+
+    /// The states and temporal edges, if they were kept before.
+    ///
+    /// # Errors
+    /// [`StorageError::Table`] or [`StorageError::Io`] when they cannot be read.
+    pub fn states(&self) -> Result<Option<TopologicalGraph>, StorageError> {
+        let Some(States {
+            count,
+            latent_dim,
+            d_max,
+        }) = self.progress.states
+        else {
+            return Ok(None);
+        };
+        let mut graph = TopologicalGraph::new(latent_dim, d_max);
+        tables::read_nodes(&self.folder.join(STATES), &mut graph)?;
+        for edges in EdgeReader::open(&self.folder.join(TEMPORAL), count, d_max)? {
+            for (from, to, edge) in edges? {
+                graph.push_edge(from, to, edge);
+            }
+        }
+        Ok(Some(graph))
+    }
+
+    /// Keeps the states and temporal edges.
+    ///
+    /// # Errors
+    /// [`StorageError::Io`] or [`StorageError::Table`] when they cannot be written.
+    pub fn keep_states(&mut self, graph: &TopologicalGraph) -> Result<(), StorageError> {
+        tables::write_nodes(&self.folder.join(STATES), graph)?;
+        let mut edges = EdgeWriter::create(&self.folder.join(TEMPORAL), graph.d_max())?;
+        edges.write(
+            graph
+                .edges()
+                .filter(|(_, _, e)| e.kind == EdgeKind::Temporal),
+        )?;
+        edges.finish()?;
+        self.progress.states = Some(States {
+            count: graph.node_count(),
+            latent_dim: graph.latents().dim(),
+            d_max: graph.d_max(),
+        });
+        self.save_progress()
+    }
+
+    /// Saves the graph of the states and of all parts, with pictures, as
+    /// [`save_graph_with_images`](super::save_graph_with_images) does, and removes what was kept.
+    /// `manifest` is what the build was opened with and what became known since. Returns it as saved.
+    ///
+    /// # Errors
+    /// Those of [`save_graph_with_images`](super::save_graph_with_images), and [`StorageError::Table`] when
+    /// a part is not what was kept.
+    pub fn finish(
+        self,
+        states: &TopologicalGraph,
+        manifest: &GraphManifest,
+        images: impl IntoIterator<Item = GraphImage>,
+    ) -> Result<GraphManifest, StorageError> {
+        let parts: Vec<(PathBuf, usize)> = self
+            .progress
+            .parts
+            .iter()
+            .map(|(part, kept)| (self.part_file(*part), kept.edges))
+            .collect();
+        let saved = save_graph_from_parts(&self.graph_folder, states, &parts, manifest, images)?;
+        fs::remove_dir_all(&self.folder).map_err(StorageError::io("remove", &self.folder))?;
+        Ok(saved)
+    }
+
+    fn part_file(&self, part: usize) -> PathBuf {
+        self.folder.join(format!("edges-{part:05}.parquet"))
+    }
+
+    fn save_progress(&self) -> Result<(), StorageError> {
+        write_file(&self.folder.join(PROGRESS), |file| {
+            serde_json::to_writer_pretty(&mut *file, &self.progress).map_err(io::Error::from)?;
+            file.write_all(b"\n")
+        })
+    }
+}
+
+impl EdgeSink for BuildFolder {
+    type Error = StorageError;
+
+    fn kept_pairs(&self, part: usize) -> Option<u64> {
+        self.progress.parts.get(&part).map(|kept| kept.pairs)
+    }
+
+    fn keep(&mut self, part: usize, edges: JoinedEdges, pairs: u64) -> Result<(), StorageError> {
+        let d_max = self.progress.states.map_or(0, |states| states.d_max);
+        let mut writer = EdgeWriter::create(&self.part_file(part), d_max)?;
+        writer.write(edges.iter().map(|(from, to, edge)| (*from, *to, edge)))?;
+        writer.finish()?;
+        let edges = edges.len();
+        self.progress.parts.insert(part, Part { edges, pairs });
+        self.save_progress()
+    }
+}
+
+#[cfg(test)]
+mod tests;
