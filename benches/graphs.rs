@@ -154,7 +154,9 @@ fn million() -> TopologicalGraph {
             let to = k * part + rng.random_range(0..part);
             let mut probabilities: Vec<f32> = (0..D_MAX).map(|_| rng.random()).collect();
             let sum: f32 = probabilities.iter().sum();
-            probabilities.iter_mut().for_each(|p| *p /= sum);
+            for probability in &mut probabilities {
+                *probability /= sum;
+            }
             let edge = Edge::predicted(EdgeKind::Learned, &probabilities);
             graph.add_edge(NodeId(id), NodeId(to), edge);
         }
