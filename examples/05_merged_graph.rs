@@ -15,8 +15,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let model = Model::load(&bedroom.join("model"), EngineChoice::Auto)?;
     let mut graphs = Vec::new();
     for task in ["sock", "trash", "wine"] {
-        let (graph, manifest) = load_graph(&bedroom.join(task))?;
-        ensure_same_model(&manifest.model_digest, &model.digest())?;
+        let folder = bedroom.join(task);
+        let (graph, manifest) = load_graph(&folder)?;
+        ensure_same_model(&folder, &manifest.model_digest, &model.digest())?;
         graphs.push(graph);
     }
     let merged = merge(

@@ -2,6 +2,7 @@
 //!
 //! Only this room and the operator look at the truth; what plans and acts never does.
 
+mod counted;
 mod detection;
 mod evaluation;
 mod interval;
@@ -11,6 +12,7 @@ mod scored;
 mod step_bench;
 mod watched;
 
+pub(crate) use counted::counted;
 pub use detection::ShortcutDetection;
 pub use evaluation::{EpisodeResult, Evaluation, SubgoalTally};
 pub use interval::wilson_interval_95;

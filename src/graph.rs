@@ -10,6 +10,7 @@ mod edge;
 mod error;
 #[cfg(test)]
 pub(crate) mod fakes;
+mod fit;
 mod index;
 mod learned;
 mod merge;

@@ -245,7 +245,8 @@ pub struct EvaluateArguments {
     /// of all: for large graphs.
     #[arg(long)]
     pub nearest_states: Option<usize>,
-    /// How to plan: with subgoals in order, or the paper's way.
+    /// How to plan: with subgoals in order, or the paper's way. With `shortcuts`, the paper's way leaves out
+    /// the runs with subgoals in order.
     #[arg(long, value_enum, default_value_t = PlannerArgument::InOrder)]
     pub planner: PlannerArgument,
 }

@@ -92,8 +92,7 @@ fn one_engine(
         let planner = loaded.planner_on(Arc::new(graph), loaded.composition.planner.clone())?;
         let options = RolloutOptions {
             max_steps: bench_arguments.steps,
-            nearest_states: bench_arguments.nearest_states,
-            ..loaded.rollout_options()
+            ..loaded.rollout_options(bench_arguments.nearest_states)
         };
         let bench = StepBench::measure(
             loaded.rollout_model(),

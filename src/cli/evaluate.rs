@@ -6,7 +6,7 @@ use super::loaded::Loaded;
 use super::{progress, shortcuts};
 use crate::experiment::{EpisodeResult, Evaluation, ScoredBedroom};
 use crate::planner::PlannerOptions;
-use crate::rollout::{Rollout, RolloutOptions};
+use crate::rollout::Rollout;
 use crate::simulator::{Bedroom, BedroomConfig};
 
 /// `catena evaluate`: episodes on seeds of their own, side by side on all cores.
@@ -25,10 +25,7 @@ pub(super) fn evaluate(
         let mut rollout = Rollout::new(
             loaded.rollout_model(),
             planner.clone(),
-            RolloutOptions {
-                nearest_states: evaluate_arguments.nearest_states,
-                ..loaded.rollout_options()
-            },
+            loaded.rollout_options(evaluate_arguments.nearest_states),
         )?;
         let episode = rollout.run(&mut room, seed, &mut ())?;
         Ok(EpisodeResult::new(seed, &episode, room.score()))
@@ -89,7 +86,8 @@ pub(super) fn episodes<T: Send>(
     Ok(results)
 }
 
-fn options(loaded: &Loaded, planner: PlannerArgument) -> PlannerOptions {
+/// How a composition is planned in the way that is asked for.
+pub(super) fn options(loaded: &Loaded, planner: PlannerArgument) -> PlannerOptions {
     match planner {
         PlannerArgument::InOrder => loaded.composition.planner.clone(),
         PlannerArgument::Unconstrained => PlannerOptions::paper(),

@@ -7,7 +7,7 @@ use super::arguments::{
 };
 use super::error::CliError;
 use super::gaps::gaps;
-use super::loaded::{GraphFolders, merge_options, show as show_progress};
+use super::loaded::{GraphFolders, in_folder, merge_options, show as show_progress};
 use super::localise::localise;
 use super::progress;
 use crate::composer::load_task;
@@ -268,6 +268,7 @@ fn tasks_of(manifest: &GraphManifest) -> impl Iterator<Item = Task> {
 
 fn show(arguments: &GraphShowArguments) -> Result<(), CliError> {
     let (graph, manifest) = load_graph(&arguments.graph)?;
+    graph.ensure_states(&in_folder(&arguments.graph))?;
     let statistics = GraphStatistics::new(&graph, LISTED_EDGES);
     let found = arguments.suspects.then(|| {
         let tasks: Vec<Task> = tasks_of(&manifest).collect();

@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use indicatif::ProgressBar;
@@ -44,6 +44,11 @@ pub(super) fn merge_options() -> MergeOptions {
     }
 }
 
+/// What a graph is called in errors.
+pub(super) fn in_folder(folder: &Path) -> String {
+    format!("the graph in {}", folder.display())
+}
+
 /// Graph folders with the graphs in them.
 pub(super) struct GraphFolders {
     pub(super) graphs: Vec<TopologicalGraph>,
@@ -51,7 +56,7 @@ pub(super) struct GraphFolders {
 }
 
 impl GraphFolders {
-    /// Loads graphs, and refuses those that another model built.
+    /// Loads graphs, and refuses those that another model built or that have no states.
     pub(super) fn load(folders: &[PathBuf], model: &Model) -> Result<Self, CliError> {
         let mut loaded = Self {
             graphs: Vec::new(),
@@ -59,7 +64,10 @@ impl GraphFolders {
         };
         for folder in folders {
             let (graph, manifest) = load_graph(folder)?;
-            ensure_same_model(&manifest.model_digest, &model.digest())?;
+            ensure_same_model(folder, &manifest.model_digest, &model.digest())?;
+            let (what, spec) = (in_folder(folder), &model.manifest().spec);
+            graph.ensure_states(&what)?;
+            graph.ensure_fits(&what, spec.d_max, spec.latent_dim)?;
             loaded.graphs.push(graph);
             loaded.manifests.push(manifest);
         }
@@ -135,8 +143,10 @@ impl Loaded {
         }
     }
 
-    pub(super) fn rollout_options(&self) -> RolloutOptions {
+    /// How the composition is run; `nearest_states` is what was given by `--nearest-states`.
+    pub(super) fn rollout_options(&self, nearest_states: Option<usize>) -> RolloutOptions {
         RolloutOptions {
+            nearest_states,
             max_steps: self.composition.limits.steps as usize,
             on_shortcut: self.composition.on_shortcut,
             ..RolloutOptions::default()

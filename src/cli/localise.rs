@@ -3,7 +3,7 @@ use super::error::CliError;
 use super::loaded::Loaded;
 use crate::composer::load_task;
 use crate::experiment::LocalisationScore;
-use crate::rollout::{Monitor, RolloutOptions};
+use crate::rollout::Monitor;
 use crate::storage::load_demonstrations;
 use crate::task::locate_subgoals;
 
@@ -25,10 +25,7 @@ pub(super) fn localise(
         .map(|t| Ok((t.clone(), locate_subgoals(&task.rules, t)?)))
         .collect::<Result<Vec<_>, CliError>>()?;
     let planner = loaded.planner(loaded.composition.planner.clone())?;
-    let options = RolloutOptions {
-        nearest_states: localise_arguments.nearest_states,
-        ..loaded.rollout_options()
-    };
+    let options = loaded.rollout_options(localise_arguments.nearest_states);
     let mut monitor = Monitor::new(loaded.rollout_model(), &planner, &options)?;
     let score = LocalisationScore::new(&mut monitor, &recordings, loaded.graph.d_max())?;
     if localise_arguments.json {

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::arguments::{LevelArgument, RecordArguments};
 use super::error::CliError;
 use super::progress;
+use crate::experiment::counted;
 use crate::simulator::{
     Bedroom, BedroomConfig, BedroomTask, Demonstration, Leftovers, Level, demonstrate,
 };
@@ -93,9 +94,11 @@ pub(super) fn record(arguments: &RecordArguments) -> Result<(), CliError> {
         _ => String::new(),
     };
     println!(
-        "{recorded} demonstrations of {} in {} ({found} were there before, {attempts} attempts{steps})",
+        "{} of {} in {} ({found} from before, {}{steps})",
+        counted(recorded, "demonstration"),
         arguments.task,
         arguments.out.display(),
+        counted(attempts, "attempt"),
     );
     Ok(())
 }

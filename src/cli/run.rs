@@ -90,7 +90,7 @@ pub(super) fn run(run_arguments: &RunArguments, arguments: &Arguments) -> Result
     let mut rollout = Rollout::new(
         loaded.rollout_model(),
         planned.planner,
-        loaded.rollout_options(),
+        loaded.rollout_options(None),
     )?;
     let episode = rollout.run(&mut room, run_arguments.seed, &mut recorder)?;
     let result = EpisodeResult::new(run_arguments.seed, &episode, room.score());

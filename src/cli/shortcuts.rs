@@ -2,11 +2,11 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
-use super::arguments::{Arguments, EvaluateArguments};
+use super::arguments::{Arguments, EvaluateArguments, PlannerArgument};
 use super::error::CliError;
-use super::evaluate::{bedroom, episodes};
+use super::evaluate::{bedroom, episodes, options};
 use super::loaded::Loaded;
-use crate::experiment::{ScoredBedroom, ShortcutDetection, Watched};
+use crate::experiment::{ScoredBedroom, ShortcutDetection, Watched, counted};
 use crate::planner::{Planner, PlannerOptions};
 use crate::rollout::{Monitor, Rollout};
 use crate::simulator::{Bedroom, BedroomConfig};
@@ -29,7 +29,13 @@ enum Drive {
 }
 
 impl Drive {
-    const ALL: [Self; 3] = [Self::InOrder, Self::PapersWay, Self::LastTask];
+    /// Those that take turns; where nothing is to be planned in order, that drive is left out.
+    const fn of(planner: PlannerArgument) -> &'static [Self] {
+        match planner {
+            PlannerArgument::InOrder => &[Self::InOrder, Self::PapersWay, Self::LastTask],
+            PlannerArgument::Unconstrained => &[Self::PapersWay, Self::LastTask],
+        }
+    }
 
     const fn described(self) -> &'static str {
         match self {
@@ -72,8 +78,8 @@ struct ShortcutEvaluation {
     results: Vec<ShortcutEpisode>,
 }
 
-/// `catena evaluate shortcuts`: a third of the episodes each way of driving, all watched by one kind of
-/// monitor, which sees images alone.
+/// `catena evaluate shortcuts`: the ways of driving take turns, all watched by one kind of monitor, which
+/// sees images alone and knows the subgoals in order.
 pub(super) fn evaluate_shortcuts(
     evaluate_arguments: &EvaluateArguments,
     arguments: &Arguments,
@@ -86,13 +92,15 @@ pub(super) fn evaluate_shortcuts(
         bedroom: bedroom(&loaded, evaluate_arguments)?,
         in_order: loaded.planner(loaded.composition.planner.clone())?,
         papers_way: loaded.planner(PlannerOptions::paper())?,
-        last_task: alone.planner(alone.composition.planner.clone())?,
+        last_task: alone.planner(options(&alone, evaluate_arguments.planner))?,
         loaded: &loaded,
         alone: &alone,
+        nearest_states: evaluate_arguments.nearest_states,
     };
     let first = evaluate_arguments.seed;
+    let drives = Drive::of(evaluate_arguments.planner);
     let results = episodes("watching", evaluate_arguments, |seed| {
-        let drive = Drive::ALL[(seed - first) as usize % Drive::ALL.len()];
+        let drive = drives[(seed - first) as usize % drives.len()];
         stage.episode(seed, drive)
     })?;
     let report = ShortcutEvaluation {
@@ -100,7 +108,7 @@ pub(super) fn evaluate_shortcuts(
         seed: first,
         episodes: results.len(),
         detection: detection(results.iter()),
-        drives: Drive::ALL.iter().map(|d| of_drive(*d, &results)).collect(),
+        drives: drives.iter().map(|d| of_drive(*d, &results)).collect(),
         engine: loaded.model.engine().description().to_owned(),
         results,
     };
@@ -120,6 +128,7 @@ struct Stage<'a> {
     last_task: Planner,
     loaded: &'a Loaded,
     alone: &'a Loaded,
+    nearest_states: Option<usize>,
 }
 
 impl Stage<'_> {
@@ -129,7 +138,7 @@ impl Stage<'_> {
             Drive::PapersWay => (self.loaded, &self.papers_way),
             Drive::LastTask => (self.alone, &self.last_task),
         };
-        let options = driver.rollout_options();
+        let options = driver.rollout_options(self.nearest_states);
         let mut watched = Watched::new(Monitor::new(
             self.loaded.rollout_model(),
             &self.in_order,
@@ -167,9 +176,9 @@ fn described(report: &ShortcutEvaluation) -> String {
         share.map_or_else(|| "none".to_owned(), |s| format!("{:.0} %", 100.0 * s))
     };
     let mut text = format!(
-        "{}: {} episodes from seed {}; precision {}, recall {}\n  {}\n",
+        "{}: {} from seed {}; precision {}, recall {}\n  {}\n",
         report.name,
-        report.episodes,
+        counted(report.episodes, "episode"),
         report.seed,
         percent(report.detection.precision),
         percent(report.detection.recall),
@@ -177,7 +186,8 @@ fn described(report: &ShortcutEvaluation) -> String {
     );
     for part in &report.drives {
         let (what, found) = (part.drive.described(), &part.detection);
-        _ = writeln!(text, "  {what} ({} episodes): {found}", part.episodes);
+        let episodes = counted(part.episodes, "episode");
+        _ = writeln!(text, "  {what} ({episodes}): {found}");
     }
     text
 }

@@ -2,6 +2,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::counted;
+
 /// A flag may come so many steps before the truth says that the shortcut is complete: images show a
 /// hand closing around a can before the can counts as grasped.
 const EARLY_STEPS: usize = 5;
@@ -56,8 +58,10 @@ impl fmt::Display for ShortcutDetection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "shortcuts in {} episodes, flagged in {}, rightly in {}",
-            self.shortcuts, self.flagged, self.rightly_flagged
+            "shortcuts in {}, flagged in {}, rightly in {}",
+            counted(self.shortcuts, "episode"),
+            self.flagged,
+            self.rightly_flagged
         )?;
         match self.median_delay_steps {
             Some(steps) => write!(f, ", {steps} steps late at the median"),

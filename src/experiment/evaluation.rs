@@ -2,7 +2,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Score, ShortcutDetection, SubgoalOutcome, wilson_interval_95};
+use super::{Score, ShortcutDetection, SubgoalOutcome, counted, wilson_interval_95};
 use crate::rollout::{Episode, EpisodeEnd, Event, StepTimes};
 
 /// One scored episode.
@@ -176,10 +176,10 @@ impl fmt::Display for Evaluation {
         let [low, high] = self.interval_95.map(|x| 100.0 * x);
         writeln!(
             f,
-            "{}: {:.0} % of {} episodes (95 % interval {low:.0}-{high:.0} %), level {}, seeds {}..={}",
+            "{}: {:.0} % of {} (95 % interval {low:.0}-{high:.0} %), level {}, seeds {}..={}",
             self.name,
             100.0 * self.success_rate,
-            self.episodes,
+            counted(self.episodes, "episode"),
             self.level,
             self.seed,
             self.seed + (self.episodes as u64).saturating_sub(1),

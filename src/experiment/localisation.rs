@@ -2,6 +2,7 @@ use std::fmt;
 
 use serde::Serialize;
 
+use super::counted;
 use super::evaluation::quantile;
 use crate::planner::Layout;
 use crate::rollout::{Monitor, RolloutError};
@@ -152,8 +153,8 @@ impl fmt::Display for LocalisationScore {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{} demonstrations, {} states: the stage is right at {:.1} % of them, lost at {:.1} %",
-            self.demonstrations,
+            "{}, {} states: the stage is right at {:.1} % of them, lost at {:.1} %",
+            counted(self.demonstrations, "demonstration"),
             self.states,
             100.0 * self.stage_share,
             100.0 * self.lost_share

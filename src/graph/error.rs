@@ -23,6 +23,15 @@ pub enum GraphError {
         /// The first value that is not finite, printed.
         value: String,
     },
+    /// A graph without a state.
+    #[error(
+        "{what} has no states, so there is nothing to plan, merge or look at: build it from at least one \
+         demonstration with `catena graph build`"
+    )]
+    NoStates {
+        /// What was looked at.
+        what: String,
+    },
     /// Graphs and models that do not belong together: another number of traversability classes.
     #[error("{what} has d_max {found}, expected {expected}: build all graphs with one model")]
     DMaxDiffers {

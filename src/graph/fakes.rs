@@ -95,6 +95,36 @@ impl Encoder for PixelEncoder {
     }
 }
 
+/// A [`PixelEncoder`] that breaks at one point.
+pub(crate) struct BrokenEncoder(PixelEncoder, [u8; 2]);
+
+impl BrokenEncoder {
+    /// Breaks where the first two coordinates are these.
+    pub(crate) fn new(d_max: usize, broken_at: [u8; 2]) -> Self {
+        Self(PixelEncoder::new(d_max), broken_at)
+    }
+}
+
+impl Encoder for BrokenEncoder {
+    fn spec(&self) -> &ModelSpec {
+        self.0.spec()
+    }
+
+    fn encode(&self, states: &[State]) -> Result<Latents, ModelError> {
+        let sound = self.0.encode(states)?;
+        let broken_at = self.1.map(f32::from);
+        let mut latents = Latents::new(sound.dim());
+        for row in (0..sound.len()).map(|row| sound.row(row)) {
+            if row[..2] == broken_at {
+                latents.push(&[row[0], f32::NAN, row[2]]);
+            } else {
+                latents.push(row);
+            }
+        }
+        Ok(latents)
+    }
+}
+
 fn space() -> ActionSpace {
     ActionSpace::Primitives {
         names: vec!["move".to_owned()],

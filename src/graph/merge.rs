@@ -81,7 +81,7 @@ const NEAR_MISSES: usize = 10;
 /// are; a task may come twice. Empty means the order of `graphs`.
 ///
 /// # Errors
-/// [`GraphError::NothingToMerge`], [`GraphError::TaskTwice`] and [`GraphError::UnknownTask`] for
+/// [`GraphError::NothingToMerge`], [`GraphError::NoStates`], [`GraphError::TaskTwice`] and [`GraphError::UnknownTask`] for
 /// graphs and an order that make no sense, [`GraphError::DMaxDiffers`] and
 /// [`GraphError::LatentLengthDiffers`] for graphs of different models, [`GraphError::Model`] when the
 /// model gives no answer.
@@ -130,22 +130,10 @@ fn check(
 ) -> Result<(), GraphError> {
     let first = graphs.first().ok_or(GraphError::NothingToMerge)?;
     let mut tasks: Vec<&str> = Vec::new();
-    for graph in graphs {
-        let what = || format!("the graph of '{}'", graph.tasks().join(", "));
-        if graph.d_max() != traversability.d_max() {
-            return Err(GraphError::DMaxDiffers {
-                what: what(),
-                expected: traversability.d_max(),
-                found: graph.d_max(),
-            });
-        }
-        if graph.latents().dim() != first.latents().dim() {
-            return Err(GraphError::LatentLengthDiffers {
-                what: what(),
-                expected: first.latents().dim(),
-                found: graph.latents().dim(),
-            });
-        }
+    for (number, graph) in graphs.iter().enumerate() {
+        graph.ensure_states(&format!("graph {} of those to merge", number + 1))?;
+        let what = format!("the graph of '{}'", graph.tasks().join(", "));
+        graph.ensure_fits(&what, traversability.d_max(), first.latents().dim())?;
         for task in graph.tasks() {
             if tasks.contains(&task) {
                 return Err(GraphError::TaskTwice {

@@ -3,7 +3,9 @@
 use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 
-use super::fakes::{Oracle, PixelEncoder, add_demonstration, demonstrations, subgoal, task};
+use super::fakes::{
+    BrokenEncoder, Oracle, PixelEncoder, add_demonstration, demonstrations, subgoal, task,
+};
 use super::*;
 use crate::task::Subgoal;
 
@@ -341,11 +343,39 @@ fn merging_what_does_not_belong_together_is_refused() {
             ..
         }
     ));
-    let longer = TopologicalGraph::new(3, 7);
+    let mut longer = TopologicalGraph::new(3, 7);
+    let states = [vec![0.0; 3], vec![1.0; 3]];
+    add_demonstration(&mut longer, &task("c", &["done"]), "c0", &states, &[1]);
     assert!(matches!(
         refused(&[&longer], &[]),
         GraphError::DMaxDiffers { found: 7, .. }
     ));
+    let empty = TopologicalGraph::new(3, D_MAX);
+    let error = refused(&[&a, &empty], &[]).to_string();
+    assert!(
+        error.contains("graph 2 of those to merge has no states"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_state_whose_latent_is_no_number_is_refused_with_its_place() {
+    let set = demonstrations("a", &[line(0, 0, 4), line(0, 9, 3)]);
+    let encoder = BrokenEncoder::new(D_MAX, [2, 9]);
+    let oracle = Oracle::new(D_MAX, forward);
+    let steps = [reached(&[3]), reached(&[2])];
+    let built = build(
+        &set,
+        &steps,
+        &encoder,
+        &oracle,
+        &BuildOptions::default(),
+        &silent,
+    );
+    let error = built.unwrap_err().to_string();
+    for part in ["'a'", "'a_1'", "step 2", "NaN", "train or export it again"] {
+        assert!(error.contains(part), "{error}");
+    }
 }
 
 #[test]

@@ -27,6 +27,18 @@ pub enum ModelError {
         /// The length that was given.
         found: usize,
     },
+    /// A network gave something that is no number, with which nothing can be compared.
+    #[error(
+        "value {place} of {what} is {value}: the model or its normalisation is broken, train or export it again"
+    )]
+    NotFinite {
+        /// Which vector.
+        what: String,
+        /// Which of its values, from 0.
+        place: usize,
+        /// The value, printed.
+        value: String,
+    },
     /// The engine that computes the network failed.
     #[error("the inference engine failed in {stage}: {reason}")]
     Engine {

@@ -6,6 +6,11 @@ pub enum PlannerError {
     /// The composition names no task.
     #[error("the composition has no task")]
     NoTask,
+    /// The graph has no state.
+    #[error(
+        "the graph has no states, so nothing can be planned on it: build it from at least one demonstration"
+    )]
+    NoStates,
     /// The composition names a task that the graph does not show.
     #[error("the composition needs task '{task}', the graph has: {known}")]
     UnknownTask {
@@ -17,7 +22,8 @@ pub enum PlannerError {
     /// No state can be final.
     #[error(
         "task '{task}' has no final state: of {ends} end states of its demonstrations, none has \
-         reached all {subgoals} subgoals; look at the subgoals of its demonstrations"
+         reached all {subgoals} subgoals. Look at the markers of its demonstrations (`catena demos`), or record \
+         one that does the whole task, and build its graph again"
     )]
     NoFinalState {
         /// The last task.

@@ -49,7 +49,7 @@ impl Layout {
     /// allows every edge.
     ///
     /// # Errors
-    /// [`PlannerError::NoTask`], and [`PlannerError::UnknownTask`] for a task that the graph lacks.
+    /// [`PlannerError::NoTask`], [`PlannerError::NoStates`], and [`PlannerError::UnknownTask`] for a task that the graph lacks.
     pub fn new(
         graph: &TopologicalGraph,
         automaton: &Automaton,
@@ -218,6 +218,9 @@ impl Layout {
 fn check(graph: &TopologicalGraph, automaton: &Automaton) -> Result<(), PlannerError> {
     if automaton.tasks().is_empty() {
         return Err(PlannerError::NoTask);
+    }
+    if graph.node_count() == 0 {
+        return Err(PlannerError::NoStates);
     }
     let known = graph.tasks();
     match automaton

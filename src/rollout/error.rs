@@ -1,6 +1,7 @@
 use thiserror::Error;
 
 use crate::environment::EnvironmentError;
+use crate::graph::GraphError;
 use crate::model::ModelError;
 use crate::trajectory::TrajectoryError;
 
@@ -24,6 +25,9 @@ pub enum RolloutError {
         /// What it said.
         source: ModelError,
     },
+    /// The graph is not of the model.
+    #[error(transparent)]
+    Graph(#[from] GraphError),
     /// The policy's classes do not fit the action space.
     #[error("step {step}: {source}")]
     Action {

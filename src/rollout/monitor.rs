@@ -4,7 +4,7 @@ use super::nearby::Nearby;
 use super::running::Watch;
 use super::{Event, RolloutError, RolloutModel, RolloutOptions};
 use crate::graph::NodeId;
-use crate::model::{Latents, Projections};
+use crate::model::{Latents, ModelError, Projections};
 use crate::planner::{LiveDistances, Localisation, Planner, StageChange, StageFilter};
 use crate::task::Subgoal;
 use crate::trajectory::{Observation, State};
@@ -47,12 +47,18 @@ impl<'a> Monitor<'a> {
     /// A monitor for the composition of a planner. Of the options it takes what concerns localisation.
     ///
     /// # Errors
-    /// [`RolloutError::Model`] when the graph's latents are not the model's.
+    /// [`RolloutError::Graph`] when the graph has another `d_max` or latents of another length than the
+    /// model, [`RolloutError::Model`] when a network gives no answer.
     pub fn new(
         model: RolloutModel<'a>,
         planner: &Planner,
         options: &RolloutOptions,
     ) -> Result<Self, RolloutError> {
+        planner.graph().ensure_fits(
+            "the graph of the composition",
+            model.traversability.d_max(),
+            model.encoder.spec().latent_dim,
+        )?;
         let latents = planner.graph().latents();
         let projections = model
             .traversability
@@ -104,7 +110,7 @@ impl<'a> Monitor<'a> {
     /// The next observation, one time step after the last one.
     ///
     /// # Errors
-    /// [`RolloutError::Model`] when a network gives no answer.
+    /// [`RolloutError::Model`] when a network gives no answer, or a latent that holds NaN or infinity.
     pub fn look(&mut self, observation: Arc<Observation>) -> Result<Sight, RolloutError> {
         let step = self.step;
         let failed = |source| RolloutError::Model { step, source };
@@ -115,6 +121,7 @@ impl<'a> Monitor<'a> {
         self.history.drain(..excess);
         let state = State::from_history(&self.history, stack);
         let latent = self.model.encoder.encode(&[state]).map_err(failed)?;
+        ensure_finite(&latent).map_err(failed)?;
         let encode_ms = watch.lap_ms();
         let current = self.model.traversability.project(&latent).map_err(failed)?;
         let proposed = self
@@ -187,12 +194,25 @@ impl<'a> Monitor<'a> {
     }
 }
 
+/// A latent that is no number is near nothing: the robot would be lost without anybody knowing why.
+fn ensure_finite(latent: &Latents) -> Result<(), ModelError> {
+    let values = latent.values();
+    match values.iter().position(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(place) => Err(ModelError::NotFinite {
+            what: "the latent of the current state".to_owned(),
+            place,
+            value: values[place].to_string(),
+        }),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::graph::TopologicalGraph;
-    use crate::graph::fakes::{Oracle, PixelEncoder, add_demonstration, task};
-    use crate::model::{ActionDistribution, LocalPolicy, ModelError};
+    use crate::graph::fakes::{BrokenEncoder, Oracle, PixelEncoder, add_demonstration, task};
+    use crate::model::{ActionDistribution, LocalPolicy};
     use crate::planner::{FinalChoice, PlannerOptions};
     use crate::task::Automaton;
     use crate::trajectory::Image;
@@ -206,8 +226,37 @@ mod tests {
         }
     }
 
-    /// What a monitor says of a robot that is seen at these positions of a corridor, in which three
-    /// demonstrations reach subgoals at 8, 16 and 24.
+    /// A planner for a corridor in which three demonstrations reach subgoals at 8, 16 and 24.
+    fn corridor() -> Planner {
+        let walk = task("walk", &["first", "second", "third"]);
+        let mut graph = TopologicalGraph::new(3, 5);
+        for aside in 0..3 {
+            let place = |x: u8| vec![f32::from(x), 0.1 * aside as f32, 0.0];
+            let places: Vec<Vec<f32>> = (0..25).map(place).collect();
+            add_demonstration(&mut graph, &walk, &aside.to_string(), &places, &[8, 16, 24]);
+        }
+        Planner::new(
+            Arc::new(graph),
+            &Automaton::in_order(&[walk]),
+            &FinalChoice::Cheapest,
+            PlannerOptions::default(),
+        )
+        .expect("the corridor has a composition")
+    }
+
+    fn ahead(d_max: usize) -> Oracle {
+        Oracle::new(d_max, |a, b| {
+            let ahead = (b[0] - a[0]).round();
+            (ahead >= 0.0).then_some(ahead as u32)
+        })
+    }
+
+    fn seen_at(x: u8) -> Arc<Observation> {
+        let image = Image::new(1, 1, vec![x, 0, 0]).expect("one pixel");
+        Arc::new(Observation::new([("eye".to_owned(), image)]))
+    }
+
+    /// What a monitor says of a robot that is seen at these positions of the corridor.
     fn told(positions: impl IntoIterator<Item = u8>) -> Vec<Event> {
         told_asking(None, positions)
     }
@@ -217,24 +266,8 @@ mod tests {
         nearest_states: Option<usize>,
         positions: impl IntoIterator<Item = u8>,
     ) -> Vec<Event> {
-        let walk = task("walk", &["first", "second", "third"]);
-        let mut graph = TopologicalGraph::new(3, 5);
-        for aside in 0..3 {
-            let place = |x: u8| vec![f32::from(x), 0.1 * aside as f32, 0.0];
-            let places: Vec<Vec<f32>> = (0..25).map(place).collect();
-            add_demonstration(&mut graph, &walk, &aside.to_string(), &places, &[8, 16, 24]);
-        }
-        let planner = Planner::new(
-            Arc::new(graph),
-            &Automaton::in_order(&[walk]),
-            &FinalChoice::Cheapest,
-            PlannerOptions::default(),
-        )
-        .expect("the corridor has a composition");
-        let oracle = Oracle::new(5, |a, b| {
-            let ahead = (b[0] - a[0]).round();
-            (ahead >= 0.0).then_some(ahead as u32)
-        });
+        let planner = corridor();
+        let oracle = ahead(5);
         let model = RolloutModel {
             encoder: &PixelEncoder::new(5),
             traversability: &oracle,
@@ -249,12 +282,41 @@ mod tests {
             Monitor::new(model, &planner, &options).expect("the graph is of the oracle");
         let mut events = Vec::new();
         for x in positions {
-            let image = Image::new(1, 1, vec![x, 0, 0]).expect("one pixel");
-            let observation = Observation::new([("eye".to_owned(), image)]);
-            let sight = monitor.look(Arc::new(observation));
+            let sight = monitor.look(seen_at(x));
             events.extend(sight.expect("the oracle knows all").events);
         }
         events
+    }
+
+    #[test]
+    fn a_graph_of_another_d_max_is_refused_with_both() {
+        let model = RolloutModel {
+            encoder: &PixelEncoder::new(7),
+            traversability: &ahead(7),
+            policy: &Nobody,
+        };
+        let refused = Monitor::new(model, &corridor(), &RolloutOptions::default()).err();
+        let error = refused.expect("the graph has a d_max of 5").to_string();
+        assert!(error.contains("d_max 5, expected 7"), "{error}");
+    }
+
+    #[test]
+    fn a_latent_that_is_no_number_is_an_error_at_its_step() {
+        let encoder = BrokenEncoder::new(5, [2, 0]);
+        let model = RolloutModel {
+            encoder: &encoder,
+            traversability: &ahead(5),
+            policy: &Nobody,
+        };
+        let options = RolloutOptions::default();
+        let mut monitor = Monitor::new(model, &corridor(), &options).expect("the graph fits");
+        for x in 0..2 {
+            monitor.look(seen_at(x)).expect("the encoder works here");
+        }
+        let error = monitor.look(seen_at(2)).unwrap_err().to_string();
+        for part in ["step 2", "value 1", "NaN", "train or export it again"] {
+            assert!(error.contains(part), "{error}");
+        }
     }
 
     #[test]

@@ -207,10 +207,14 @@ pub enum StorageError {
     },
     /// Graph and model do not belong together.
     #[error(
-        "the graph was built with model {graph_digest}, this model is {model_digest}: its latents mean \
-         nothing here. Build the graph again with this model, or take the model that it was built with"
+        "the graph in {folder} was built with model {graph_digest}, this model is {model_digest}: its latents \
+         mean nothing here. Build the graph again with this model (`catena graph build`), or take the model \
+         that it was built with",
+        folder = folder.display()
     )]
     ModelMismatch {
+        /// The graph's folder.
+        folder: PathBuf,
         /// Digest of the model that made the graph's latents.
         graph_digest: String,
         /// Digest of the model at hand.

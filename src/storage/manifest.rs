@@ -198,15 +198,20 @@ impl From<&GraphTask> for Task {
     }
 }
 
-/// Checks that a graph was built with the model at hand.
+/// Checks that the graph in `folder` was built with the model at hand.
 ///
 /// # Errors
 /// [`StorageError::ModelMismatch`] with both digests when it was not.
-pub fn ensure_same_model(graph_digest: &str, model_digest: &str) -> Result<(), StorageError> {
+pub fn ensure_same_model(
+    folder: &Path,
+    graph_digest: &str,
+    model_digest: &str,
+) -> Result<(), StorageError> {
     if graph_digest == model_digest {
         return Ok(());
     }
     Err(StorageError::ModelMismatch {
+        folder: folder.to_owned(),
         graph_digest: graph_digest.to_owned(),
         model_digest: model_digest.to_owned(),
     })

@@ -4,11 +4,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-fn root() -> PathBuf {
+pub(crate) fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
-fn catena(arguments: &[&str]) -> Output {
+pub(crate) fn catena(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_catena"))
         .args(arguments)
         .current_dir(root())
@@ -16,7 +16,7 @@ fn catena(arguments: &[&str]) -> Output {
         .expect("the command starts")
 }
 
-fn text(output: &[u8]) -> String {
+pub(crate) fn text(output: &[u8]) -> String {
     String::from_utf8_lossy(output).into_owned()
 }
 
@@ -31,7 +31,7 @@ fn succeeded(arguments: &[&str]) -> String {
     text(&output.stdout)
 }
 
-fn path(path: &Path) -> &str {
+pub(crate) fn path(path: &Path) -> &str {
     path.to_str().expect("UTF-8")
 }
 
@@ -251,6 +251,37 @@ fn gaps_name_every_seam_with_its_near_misses_and_the_demonstration_to_record() {
     let words = succeeded(&["graph", "gaps", sequence]);
     assert!(words.contains("sock -> trash: connect in"), "{words}");
     assert!(words.contains("one more demonstration would help most from"));
+}
+
+#[test]
+fn shortcuts_are_looked_for_with_the_planner_and_the_states_that_are_asked_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("short_run.yaml");
+    let yaml = fs::read_to_string(root().join("tasks/sequences/sock_then_trash.yaml"))
+        .expect("the composition")
+        .replace("name: sock_then_trash", "name: short_run")
+        .replace("limits: {steps: 400}", "limits: {steps: 8}");
+    fs::write(&file, yaml).expect("written");
+    let evaluate = |more: &[&str]| {
+        let words = ["evaluate", "shortcuts", "--composition", path(&file)];
+        succeeded(&[&words, &["--episodes", "1", "--nearest-states", "50"], more].concat())
+    };
+    let json = evaluate(&["--planner", "unconstrained", "--json"]);
+    let report: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    let drives: Vec<_> = report["drives"]
+        .as_array()
+        .expect("drives")
+        .iter()
+        .collect();
+    let names: Vec<_> = drives
+        .iter()
+        .map(|d| d["drive"].as_str().expect("a name"))
+        .collect();
+    assert_eq!(names, ["papers_way", "last_task"]);
+    assert_eq!(drives[0]["episodes"], 1);
+    let words = evaluate(&[]);
+    assert!(words.contains("short_run: 1 episode from seed"), "{words}");
+    assert!(words.contains("subgoals in order (1 episode)"), "{words}");
 }
 
 #[test]

@@ -239,7 +239,7 @@ fn compositions_that_do_not_fit_the_graph_are_refused() {
     ));
     let empty = Arc::new(TopologicalGraph::new(1, 5));
     let error = Planner::new(empty, &automaton(), &FinalChoice::Cheapest, all_edges());
-    assert!(matches!(error, Err(PlannerError::UnknownTask { .. })));
+    assert_eq!(error.unwrap_err(), PlannerError::NoStates);
 }
 
 #[test]

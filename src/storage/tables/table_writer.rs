@@ -65,16 +65,20 @@ impl TableWriter {
 }
 
 fn properties() -> parquet::errors::Result<WriterProperties> {
-    const ZSTD_LEVEL: i32 = 9;
-    let latent = ColumnPath::from(vec!["latent".into(), "list".into(), "item".into()]);
-    Ok(WriterProperties::builder()
+    // Level 9 takes a third longer for 1 % fewer bytes.
+    const ZSTD_LEVEL: i32 = 3;
+    let mut properties = WriterProperties::builder()
         .set_created_by(concat!("catena ", env!("CARGO_PKG_VERSION")).to_owned())
         .set_compression(Compression::ZSTD(ZstdLevel::try_new(ZSTD_LEVEL)?))
-        .set_max_row_group_row_count(Some(GROUP_ROWS))
-        // Latents hardly repeat; bytes of equal weight do, so they are kept together.
-        .set_column_dictionary_enabled(latent.clone(), false)
-        .set_column_encoding(latent, Encoding::BYTE_STREAM_SPLIT)
-        .build())
+        .set_max_row_group_row_count(Some(GROUP_ROWS));
+    // What a network gives hardly repeats; bytes of equal weight do, so they are kept together.
+    for column in ["latent", "probabilities"] {
+        let values = ColumnPath::from(vec![column.into(), "list".into(), "item".into()]);
+        properties = properties
+            .set_column_dictionary_enabled(values.clone(), false)
+            .set_column_encoding(values, Encoding::BYTE_STREAM_SPLIT);
+    }
+    Ok(properties.build())
 }
 
 /// The type of a column of vectors of one length.
