@@ -22,7 +22,21 @@ pub(super) struct Scored {
     pub(super) edges: Vec<(NodeId, NodeId, Edge)>,
     /// Most probable first.
     pub(super) near_misses: Vec<(ScoredPair, Edge)>,
+    /// Probability of the least of the near misses when there were enough of them: those below it need
+    /// not be looked at.
+    near_floor: f32,
     pub(super) pair_count: u64,
+}
+
+impl Scored {
+    fn new() -> Self {
+        Self {
+            edges: Vec::new(),
+            near_misses: Vec::new(),
+            near_floor: 0.0,
+            pair_count: 0,
+        }
+    }
 }
 
 /// Scores pairs in parallel blocks and keeps what a rule accepts.
@@ -70,11 +84,7 @@ impl Scorer<'_> {
     }
 
     fn join(&self, parts: Vec<Scored>) -> Scored {
-        let mut all = Scored {
-            edges: Vec::new(),
-            near_misses: Vec::new(),
-            pair_count: 0,
-        };
+        let mut all = Scored::new();
         for part in parts {
             all.edges.extend(part.edges);
             all.near_misses.extend(part.near_misses);
@@ -92,11 +102,7 @@ impl Scorer<'_> {
         rows: &[u32],
         targets: &(dyn Fn(u32, &mut Vec<u32>) + Sync),
     ) -> Result<Scored, ModelError> {
-        let mut part = Scored {
-            edges: Vec::new(),
-            near_misses: Vec::new(),
-            pair_count: 0,
-        };
+        let mut part = Scored::new();
         let mut row_targets = Vec::new();
         let mut pairs = Vec::new();
         for &row in rows {
@@ -136,17 +142,23 @@ impl Scorer<'_> {
                 self.flush(row_edges, part);
             }
             row_edges.push((from, to, Edge::predicted(self.kind, probabilities)));
-        } else if self.near_misses > 0 {
-            let pair = ScoredPair {
-                from,
-                to,
-                connected_probability: 1.0 - probabilities[probabilities.len() - 1],
-            };
-            part.near_misses
-                .push((pair, Edge::predicted(self.kind, probabilities)));
-            if part.near_misses.len() > 4 * self.near_misses + 256 {
-                keep_most_probable(&mut part.near_misses, self.near_misses);
-            }
+            return;
+        }
+        let connected_probability = 1.0 - probabilities[probabilities.len() - 1];
+        if self.near_misses == 0 || connected_probability < part.near_floor {
+            return;
+        }
+        let pair = ScoredPair {
+            from,
+            to,
+            connected_probability,
+        };
+        part.near_misses
+            .push((pair, Edge::predicted(self.kind, probabilities)));
+        if part.near_misses.len() > 4 * self.near_misses + 256 {
+            keep_most_probable(&mut part.near_misses, self.near_misses);
+            let last = part.near_misses.last();
+            part.near_floor = last.map_or(0.0, |(pair, _)| pair.connected_probability);
         }
     }
 
