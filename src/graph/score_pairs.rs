@@ -9,14 +9,16 @@ use thiserror::Error;
 use super::build::trajectory_spans;
 use super::index::ConnectionIndex;
 use super::proposals::ConnectionEmbedding;
-use super::scoring::{Scored, Scorer};
+use super::scoring::{Scored, Scorer, keep_most_probable_edges};
 use super::{
     BuildOptions, Edge, EdgeKind, GraphError, NodeId, PairCandidates, ProgressFn, TopologicalGraph,
 };
 use crate::model::{Latents, ModelError, Projections, Traversability};
 
 /// States whose pairs are all scored to measure how many edges the candidates miss.
-const PROBE_STATES: usize = 16;
+const PROBE_STATES: usize = 12;
+/// How often the candidates are widened by the neighbours in time of what was found.
+const WIDENINGS: usize = 2;
 /// Most parts of a build: more of them would be more files than a folder should hold.
 const MOST_PARTS: u64 = 1024;
 
@@ -252,7 +254,7 @@ impl Work<'_> {
             };
             return scorer.score(&rows, &|n| self.partner_count(n), &all);
         };
-        let proposed: Vec<Vec<u32>> = rows
+        let mut proposed: Vec<Vec<u32>> = rows
             .par_iter()
             .map(|node| {
                 let from = proposals.from.row(*node as usize);
@@ -262,8 +264,66 @@ impl Work<'_> {
                     .most_connected(from, proposals.nearest, may_join)
             })
             .collect();
-        let of = |node: u32| &proposed[(node - first) as usize];
-        scorer.score(&rows, &|n| of(n).len(), &|n, out| out.extend(of(n)))
+        let ask = |lists: &[Vec<u32>]| {
+            let of = |node: u32| &lists[(node - first) as usize];
+            scorer.score(&rows, &|n| of(n).len(), &|n, out| out.extend(of(n)))
+        };
+        let mut scored = ask(&proposed)?;
+        for _ in 0..WIDENINGS {
+            let wider = self.widen(&rows, &scored.edges, &proposed);
+            let found = ask(&wider)?;
+            scored.pair_count += found.pair_count;
+            scored.edges = self.join_edges(scored.edges, found.edges);
+            for (all, more) in proposed.iter_mut().zip(wider) {
+                all.extend(more);
+                all.sort_unstable();
+            }
+        }
+        Ok(scored)
+    }
+
+    /// For each state those just before and after the states that its edges lead to, unless they were
+    /// asked for: what is connected with a state is connected with its neighbours in time, too.
+    fn widen(&self, rows: &[u32], edges: &JoinedEdges, asked: &[Vec<u32>]) -> Vec<Vec<u32>> {
+        let mut edges = edges.iter().peekable();
+        let mut wider = Vec::with_capacity(rows.len());
+        for (node, asked) in rows.iter().zip(asked) {
+            let mut around = Vec::new();
+            while let Some((_, to, _)) = edges.next_if(|(from, _, _)| from.0 == *node) {
+                let (start, end) = self.spans[to.index()];
+                let before = to.0.checked_sub(1).filter(|before| *before >= start);
+                let after = Some(to.0 + 1).filter(|after| *after < end);
+                around.extend(before.into_iter().chain(after));
+            }
+            around.sort_unstable();
+            around.dedup();
+            around.retain(|to| self.may_join(*node, *to) && asked.binary_search(to).is_err());
+            wider.push(around);
+        }
+        wider
+    }
+
+    /// Two lists of edges that are sorted by the states they leave, as one, with the cap on the edges of
+    /// each.
+    fn join_edges(&self, first: JoinedEdges, second: JoinedEdges) -> JoinedEdges {
+        let mut all = first;
+        all.extend(second);
+        all.sort_by_key(|(from, to, _)| (*from, *to));
+        let Some(cap) = self.options.learned.max_out_edges else {
+            return all;
+        };
+        let mut kept = Vec::with_capacity(all.len());
+        let mut all = all.into_iter().peekable();
+        while let Some(edge) = all.next() {
+            let node = edge.0;
+            let mut row = vec![edge];
+            while let Some(next) = all.next_if(|(from, _, _)| *from == node) {
+                row.push(next);
+            }
+            keep_most_probable_edges(&mut row, cap);
+            kept.extend(row);
+        }
+        kept
     }
 
     /// Scores all pairs of a few states to measure how many of their edges the candidates hold.

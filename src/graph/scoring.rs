@@ -51,7 +51,7 @@ pub(super) struct Scorer<'a> {
     /// How many rejected pairs to remember.
     pub(super) near_misses: usize,
     pub(super) progress: ProgressFn<'a>,
-    /// Pairs scored before, and in all, for the progress.
+    /// Pairs scored before, and about so many in all, for the progress.
     pub(super) done_before: u64,
     pub(super) total: u64,
 }
@@ -75,7 +75,7 @@ impl Scorer<'_> {
                 (self.progress)(GraphProgress {
                     phase: GraphPhase::Score,
                     done,
-                    total: self.total,
+                    total: self.total.max(done),
                 });
                 Ok(part)
             })
