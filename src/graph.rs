@@ -32,7 +32,7 @@ pub use merge::{MergeOptions, MergeReport, Merged, SeamReport, merge};
 pub use node::{Node, NodeId};
 pub use progress::{GraphPhase, GraphProgress, ProgressFn};
 pub use proposals::{ConnectionEmbedding, most_connected};
-pub use prune::{PruneOptions, prune};
+pub use prune::{PruneOptions, left_out, prune};
 pub use resample::resampled;
 pub use scoring::ScoredPair;
 pub use statistics::{CrossTaskEdge, CrossTaskStatistics, GraphStatistics, TaskStatistics};
