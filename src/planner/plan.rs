@@ -150,6 +150,17 @@ impl Planner {
         &self.costs
     }
 
+    /// Whether a plan may go straight from one state to another, at any occurrence of their tasks.
+    ///
+    /// # Panics
+    /// If a node is not in the graph.
+    #[must_use]
+    pub fn may_use(&self, from: NodeId, to: NodeId) -> bool {
+        let is_end = |place: u32| self.layout.place(PlaceId(place)).node == to;
+        let mut starts = self.layout.places_of(from);
+        starts.any(|p| self.roads.outgoing(p.index()).iter().any(|r| is_end(r.to)))
+    }
+
     /// The states at which plans end.
     #[must_use]
     pub fn final_states(&self) -> Vec<NodeId> {

@@ -86,7 +86,9 @@ fn an_edge_without_support_is_planned_only_where_that_is_allowed() {
             },
             ..PlannerOptions::paper()
         };
-        let plan = planner(&graph, options).plan_from(alone.0).expect("a way");
+        let planner = planner(&graph, options);
+        let plan = planner.plan_from(alone.0).expect("a way");
+        assert_eq!(planner.may_use(alone.0, alone.1), plan.route[1] == alone.1);
         plan.route[1] == alone.1
     };
     assert!(takes_it(0));
