@@ -3,6 +3,9 @@ use serde::{Deserialize, Serialize};
 use super::{Forecast, Reliability};
 use crate::model::temper;
 
+/// Temperatures among which the best one is looked for.
+const TEMPERATURES: (f64, f64) = (0.2, 20.0);
+
 /// Which pairs of states are judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -53,6 +56,8 @@ pub struct CalibrationScore {
     pub connected: BeforeAndAfter,
     /// The statement that the most probable class is the right one.
     pub class: BeforeAndAfter,
+    /// The temperature, 0.2 to 20, at which the true classes of these pairs have the largest likelihood.
+    pub best_temperature: f64,
 }
 
 /// A pair with its calibrated class probabilities and its true class.
@@ -88,8 +93,40 @@ impl CalibrationScore {
             connected_share: if weight > 0.0 { near / weight } else { 0.0 },
             connected: both(JudgedPair::connected),
             class: both(JudgedPair::top_class),
+            best_temperature: best_temperature(&raw),
         }
     }
+}
+
+/// By golden sections of the logarithm: the likelihood has one maximum in the inverse temperature.
+fn best_temperature(raw: &[JudgedPair]) -> f64 {
+    let ratio = (5.0_f64.sqrt() - 1.0) / 2.0;
+    let (mut low, mut high) = (TEMPERATURES.0.ln(), TEMPERATURES.1.ln());
+    for _ in 0..20 {
+        let (left, right) = (high - ratio * (high - low), low + ratio * (high - low));
+        if loss(raw, left.exp()) < loss(raw, right.exp()) {
+            high = right;
+        } else {
+            low = left;
+        }
+    }
+    f64::midpoint(low, high).exp()
+}
+
+/// Cross-entropy of the true classes at a temperature.
+fn loss(raw: &[JudgedPair], temperature: f64) -> f64 {
+    /// What a probability that was rounded to 0 is taken for.
+    const LEAST: f64 = 1e-30;
+    let of_pair = |pair: &JudgedPair| {
+        let logits = pair
+            .probabilities
+            .iter()
+            .map(|p| f64::from(*p).max(LEAST).ln() / temperature);
+        let logits: Vec<f64> = logits.collect();
+        let sum: f64 = logits.iter().map(|l| l.exp()).sum();
+        pair.weight * (sum.ln() - logits[pair.class])
+    };
+    raw.iter().map(of_pair).sum()
 }
 
 impl JudgedPair {
@@ -145,5 +182,7 @@ mod tests {
         let said = 1.0 / (1.0 + (-4.0_f64).exp());
         assert!((before - (said - 0.75)).abs() < 1e-5, "{before}");
         assert_eq!(score.class.after.bins[7].count, 100);
+        let best = score.best_temperature;
+        assert!((best - f64::from(temperature)).abs() < 0.05, "{best}");
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::ExperimentError;
-use super::graph_truth::GraphTruth;
+use super::graph_truth::{GraphTruth, is_false, is_wormhole};
 use crate::graph::{EdgeKind, NodeId, PruneOptions, TopologicalGraph};
 use crate::planner::{EdgeChoice, EdgeCost, FinalChoice, Plan, Planner, PlannerOptions};
 use crate::task::Automaton;
@@ -32,6 +32,8 @@ pub struct OptionEffect {
     pub cross_task_edges: usize,
     /// Share (0..=1) of both that is false, though a robot counts as arrived one primitive before the goal.
     pub false_share: f64,
+    /// Share (0..=1) of both that is a wormhole: false by `d_max` steps and more, or impossible.
+    pub wormhole_share: f64,
     /// Starts of the first task's demonstrations, each a plan.
     pub starts: usize,
     /// Those from which there is a plan.
@@ -46,14 +48,17 @@ pub struct OptionEffect {
     pub mean_true_steps: f64,
     /// Mean number of false edges of a plan.
     pub mean_false_edges: f64,
+    /// Mean number of wormholes of a plan.
+    pub mean_wormholes: f64,
 }
 
 impl EdgeOptions {
-    /// The composition's own options, then all edges in the paper's way of pricing and each option alone beside the
-    /// usual cost.
+    /// The composition's own options; then, with all learned edges, each way of pricing, and each other option alone
+    /// beside `risk_averse: 3`. Subgoals are in order.
     #[must_use]
     pub fn compared(own: &PlannerOptions, is_calibrated: bool) -> Vec<Self> {
         let free = PlannerOptions {
+            cost: EdgeCost::RiskAverse { lambda: 3.0 },
             edges: EdgeChoice::All,
             forward_leap_steps: None,
             ..PlannerOptions::default()
@@ -96,25 +101,22 @@ impl EdgeOptions {
             planner,
             is_calibrated,
         };
+        let averse = |lambda| cost(EdgeCost::RiskAverse { lambda });
         vec![
             named("as the file says", own.clone(), is_calibrated),
-            named("all edges, argmax", cost(EdgeCost::Argmax), true),
-            named("all edges, expected 60", cost(expected), true),
-            named("  not calibrated", cost(expected), false),
-            named("all edges, risk_averse 3", free.clone(), true),
-            named("  not calibrated", free.clone(), false),
-            named(
-                "  lambda 10",
-                cost(EdgeCost::RiskAverse { lambda: 10.0 }),
-                true,
-            ),
-            named("  max_out_edges 8", capped(8), true),
-            named("  max_out_edges 2", capped(2), true),
-            named("  min_probability 0.8", probable(0.8), true),
-            named("  min_probability 0.95", probable(0.95), true),
-            named("  min_support 1", supported(1), true),
-            named("  min_support 2", supported(2), true),
-            named("  forward_leap_steps 3", leap, true),
+            named("argmax", cost(EdgeCost::Argmax), true),
+            named("expected 60", cost(expected), true),
+            named("expected 60, not calibrated", cost(expected), false),
+            named("risk_averse 3", averse(3.0), true),
+            named("risk_averse 3, not calibrated", averse(3.0), false),
+            named("risk_averse 10", averse(10.0), true),
+            named("risk_averse 3, max_out_edges 8", capped(8), true),
+            named("risk_averse 3, max_out_edges 2", capped(2), true),
+            named("risk_averse 3, min_probability 0.8", probable(0.8), true),
+            named("risk_averse 3, min_probability 0.95", probable(0.95), true),
+            named("risk_averse 3, min_support 1", supported(1), true),
+            named("risk_averse 3, min_support 2", supported(2), true),
+            named("risk_averse 3, forward_leap_steps 3", leap, true),
         ]
     }
 }
@@ -146,12 +148,16 @@ impl Judged<'_> {
             .edges
             .iter()
             .filter(|((from, to), _)| planner.may_use(*from, *to));
-        let (mut learned_edges, mut cross_task_edges, mut false_edges) = (0, 0, 0);
-        for ((from, to), edge) in used {
+        let d_max = graph.d_max() as u32;
+        let (mut learned_edges, mut cross_task_edges) = (0, 0);
+        let (mut false_edges, mut wormholes) = (0, 0);
+        for (_, edge) in used {
             learned_edges += usize::from(edge.kind == EdgeKind::Learned);
             cross_task_edges += usize::from(edge.kind == EdgeKind::CrossTask);
-            false_edges += usize::from(self.is_false(*from, *to));
+            false_edges += usize::from(is_false(edge.wide, d_max));
+            wormholes += usize::from(is_wormhole(edge.wide, d_max));
         }
+        let share = |count: usize| count as f64 / (learned_edges + cross_task_edges).max(1) as f64;
         let first = self.automaton.tasks().first();
         let starts: Vec<NodeId> = graph
             .nodes()
@@ -166,7 +172,8 @@ impl Judged<'_> {
         Ok(OptionEffect {
             learned_edges,
             cross_task_edges,
-            false_share: false_edges as f64 / (learned_edges + cross_task_edges).max(1) as f64,
+            false_share: share(false_edges),
+            wormhole_share: share(wormholes),
             starts: starts.len(),
             plans: plans.len(),
             plans_over_false_edges: plans.iter().filter(|p| p.false_edges > 0).count(),
@@ -174,14 +181,9 @@ impl Judged<'_> {
             mean_claimed_steps: mean(|p| f64::from(p.claimed_steps)),
             mean_true_steps: mean(|p| f64::from(p.true_steps)),
             mean_false_edges: mean(|p| f64::from(p.false_edges)),
+            mean_wormholes: mean(|p| f64::from(p.wormholes)),
             options,
         })
-    }
-
-    fn is_false(&self, from: NodeId, to: NodeId) -> bool {
-        let d_max = self.calibrated.d_max() as u32;
-        let edge = self.truth.edges.get(&(from, to));
-        edge.is_some_and(|e| e.wide.is_none_or(|s| s >= d_max))
     }
 
     fn judge(&self, plan: &Plan) -> PlanTruth {
@@ -190,12 +192,19 @@ impl Judged<'_> {
             claimed_steps: plan.steps,
             true_steps: 0,
             false_edges: 0,
+            wormholes: 0,
         };
+        let d_max = self.calibrated.d_max() as u32;
         for pair in plan.route.windows(2) {
-            let edge = self.truth.edges.get(&(pair[0], pair[1]));
-            // A temporal edge is one step, and an edge that leads nowhere has no number of them.
-            truth.true_steps += edge.map_or(1, |e| e.wide.unwrap_or(0));
-            truth.false_edges += u32::from(self.is_false(pair[0], pair[1]));
+            let Some(edge) = self.truth.edges.get(&(pair[0], pair[1])) else {
+                // A temporal edge.
+                truth.true_steps += 1;
+                continue;
+            };
+            // An edge that leads nowhere has no number of steps.
+            truth.true_steps += edge.wide.unwrap_or(0);
+            truth.false_edges += u32::from(is_false(edge.wide, d_max));
+            truth.wormholes += u32::from(is_wormhole(edge.wide, d_max));
         }
         truth
     }
@@ -206,4 +215,5 @@ struct PlanTruth {
     claimed_steps: u32,
     true_steps: u32,
     false_edges: u32,
+    wormholes: u32,
 }

@@ -1,9 +1,7 @@
-use std::collections::BTreeMap;
-use std::fmt;
 use std::sync::Arc;
 
+use rand::SeedableRng;
 use rand::seq::IndexedRandom;
-use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -11,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::calibration_score::JudgedPair;
 use super::edge_options::Judged;
 use super::graph_truth::{EdgeTruth, GraphTruth};
+use super::labelled_pairs::{Labelled, class_of, labelled_pairs};
 use super::walk::walk;
 use super::{
     CalibrationScore, EdgeOptions, EdgeTally, ExperimentError, OptionEffect, Population, Replay,
@@ -21,8 +20,6 @@ use crate::model::{Traversability, predict_in_blocks};
 use crate::planner::FinalChoice;
 use crate::task::Automaton;
 
-/// Pairs of different demonstrations that are judged, each task.
-const SAMPLED_PAIRS: usize = 20_000;
 /// Edges that truly take more are not walked.
 const LONGEST_WALK: u32 = 15;
 
@@ -175,74 +172,6 @@ fn calibration(
     Ok(scores)
 }
 
-/// The class of a number of steps.
-fn class_of(steps: Option<u32>, d_max: usize) -> usize {
-    steps.map_or(d_max, |s| (s as usize).min(d_max)).max(1) - 1
-}
-
-/// A pair of nodes, its true class, and its weight.
-type Labelled = ((u32, u32), usize, f64);
-
-/// Pairs of one demonstration by their distance in time, and a sample of pairs of two demonstrations of one task by the
-/// simulator.
-fn labelled_pairs(
-    graph: &TopologicalGraph,
-    truth: &GraphTruth<'_>,
-    rng: &mut ChaCha8Rng,
-) -> (Vec<Labelled>, Vec<Labelled>) {
-    let d_max = graph.d_max();
-    let mut by_task: BTreeMap<&str, Vec<NodeId>> = BTreeMap::new();
-    for (id, node) in graph.nodes() {
-        by_task.entry(&node.task).or_default().push(id);
-    }
-    let (mut same, mut sampled) = (Vec::new(), Vec::new());
-    for nodes in by_task.values() {
-        for from in nodes {
-            let of_one = |to: &&NodeId| {
-                let (a, b) = (graph.node(*from), graph.node(**to));
-                *to != from && a.trajectory == b.trajectory
-            };
-            same.extend(nodes.iter().filter(of_one).map(|to| {
-                let gap = i64::from(graph.node(*to).step) - i64::from(graph.node(*from).step);
-                let steps = u32::try_from(gap).ok();
-                ((from.0, to.0), class_of(steps, d_max), 1.0)
-            }));
-        }
-        let demonstrations: Vec<&str> = nodes
-            .iter()
-            .map(|n| graph.node(*n).trajectory.as_str())
-            .collect();
-        if demonstrations.iter().all(|d| *d == demonstrations[0]) {
-            continue;
-        }
-        for _ in 0..SAMPLED_PAIRS {
-            let (a, b) = loop {
-                let pair = [0; 2].map(|_| rng.random_range(0..nodes.len()));
-                if demonstrations[pair[0]] != demonstrations[pair[1]] {
-                    break (nodes[pair[0]], nodes[pair[1]]);
-                }
-            };
-            sampled.push((a, b));
-        }
-    }
-    weigh_halves(&mut same, d_max);
-    let other = sampled.into_par_iter().map(|(a, b)| {
-        let steps = truth.wide.between(truth.state(a), truth.state(b));
-        ((a.0, b.0), class_of(steps, d_max), 1.0)
-    });
-    (same, other.collect())
-}
-
-/// Half of the weight to near pairs, half to far ones.
-fn weigh_halves(pairs: &mut [Labelled], d_max: usize) {
-    let near = pairs.iter().filter(|p| p.1 + 1 < d_max).count();
-    let far = pairs.len() - near;
-    for pair in pairs {
-        let count = if pair.1 + 1 < d_max { near } else { far };
-        pair.2 = 0.5 / count as f64;
-    }
-}
-
 fn ask(
     graph: &TopologicalGraph,
     traversability: &(dyn Traversability + Sync),
@@ -259,161 +188,96 @@ fn ask(
     Ok(judged.collect())
 }
 
-impl fmt::Display for EdgeTrust {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "{} demonstrations, {} states, d_max {}, temperature {:.2}\n",
-            self.demonstrations, self.states, self.d_max, self.temperature
-        )?;
-        self.write_calibration(f)?;
-        self.write_edges(f)?;
-        self.write_walks(f)?;
-        self.write_options(f)
-    }
-}
-
-impl EdgeTrust {
-    fn write_calibration(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "{:<28} {:>8} {:>9}   {:<23} most probable class",
-            "expected calibration error", "pairs", "connected", "connected or not"
-        )?;
-        for score in &self.calibration {
-            let errors = [&score.connected, &score.class].map(|both| {
-                let [before, after] =
-                    [&both.before, &both.after].map(|r| r.expected_calibration_error);
-                format!("{before:.3} -> {after:.3}")
-            });
-            writeln!(
-                f,
-                "  {:<26} {:>8} {:>7.1} %   {:<23} {}",
-                score.population.name(),
-                score.pairs,
-                100.0 * score.connected_share,
-                errors[0],
-                errors[1]
-            )?;
-        }
-        for score in &self.calibration {
-            writeln!(
-                f,
-                "\n{}: P(connected) said, and how many are connected",
-                score.population.name()
-            )?;
-            for (before, after) in score
-                .connected
-                .before
-                .bins
-                .iter()
-                .zip(&score.connected.after.bins)
-            {
-                let told = [before, after].map(|bin| match bin.count {
-                    0 => format!("{:>22}", "-"),
-                    count => format!("{:>6.3} {:>6.3} ({count:>6})", bin.confidence, bin.accuracy),
-                });
-                writeln!(f, "  before {}   after {}", told[0], told[1])?;
-            }
-        }
-        writeln!(f)
-    }
-
-    fn write_edges(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "{:<30} {:>7}  {:>8} {:>11} {:>6} {:>12} {:>13}   to half a primitive",
-            "false edges", "edges", "false", "impossible", "far", "understated", "median error"
-        )?;
-        for tally in &self.edges {
-            let of = match tally.kind {
-                EdgeKind::CrossTask => format!("{} -> {}", tally.from_task, tally.to_task),
-                _ => format!("within {}", tally.from_task),
-            };
-            let (wide, narrow) = (&tally.within_one_primitive, &tally.within_half_a_primitive);
-            let share = |count: usize| 100.0 * count as f64 / tally.edges.max(1) as f64;
-            let median = wide
-                .median_error_steps
-                .map_or_else(|| "-".to_owned(), |m| format!("{m:+.0} steps"));
-            writeln!(
-                f,
-                "  {of:<28} {:>7}  {:>6.1} % {:>9.1} % {:>4.1} % {:>10.1} % {median:>13}   {:>5.1} %",
-                tally.edges,
-                100.0 * wide.share,
-                share(wide.impossible),
-                share(wide.far),
-                share(wide.understated),
-                100.0 * narrow.share
-            )?;
-        }
-        writeln!(f)
-    }
-
-    fn write_walks(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (what, score) in [("true", &self.true_walks), ("false", &self.false_walks)] {
-            writeln!(
-                f,
-                "of {} {what} edges that were walked, {} lead there, {} in fewer than {} steps; {:+.0} steps at the median",
-                score.walks,
-                score.arrived,
-                score.arrived_near,
-                self.d_max,
-                score.median_extra_steps
-            )?;
-        }
-        writeln!(f)
-    }
-
-    fn write_options(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "{:<26} {:>8} {:>7} {:>8} {:>7} {:>13} {:>7} {:>9} {:>11}",
-            "options",
-            "learned",
-            "cross",
-            "false",
-            "plans",
-            "over a false",
-            "cost",
-            "claimed",
-            "true steps"
-        )?;
-        for effect in &self.options {
-            writeln!(
-                f,
-                "  {:<24} {:>8} {:>7} {:>6.1} % {:>3}/{:<3} {:>13} {:>7.1} {:>9.1} {:>11.1}",
-                effect.options.name,
-                effect.learned_edges,
-                effect.cross_task_edges,
-                100.0 * effect.false_share,
-                effect.plans,
-                effect.starts,
-                effect.plans_over_false_edges,
-                effect.mean_cost,
-                effect.mean_claimed_steps,
-                effect.mean_true_steps
-            )?;
-        }
-        Ok(())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::graph::fakes::{Oracle, add_demonstration, task};
+    use crate::graph::{Edge, PruneOptions};
+    use crate::planner::{EdgeChoice, PlannerOptions};
+    use crate::simulator::{Bedroom, BedroomConfig, BedroomTask, demonstrate};
+    use crate::trajectory::Trajectory;
 
-    #[test]
-    fn classes_of_steps() {
-        let classes = [Some(1), Some(4), Some(5), Some(30), None, Some(0)];
-        let classes = classes.map(|steps| class_of(steps, 5));
-        assert_eq!(classes, [0, 3, 4, 4, 4, 0]);
+    /// Three demonstrations that succeed, with their replays.
+    fn shown() -> (Vec<Trajectory>, Vec<Replay>) {
+        let bedroom = BedroomTask::Wine;
+        let config = BedroomConfig::paper(bedroom);
+        let shown = (0..).filter_map(|seed| {
+            let shown = demonstrate(&mut Bedroom::new(config), bedroom, seed);
+            let shown = shown.expect("the room does not fail");
+            let replay = Replay::new(&shown.trajectory, seed, Some(config));
+            let replay = replay.expect("it was just recorded");
+            shown.succeeded.then_some((shown.trajectory, replay))
+        });
+        shown.take(3).unzip()
+    }
+
+    fn options(min_support: u32) -> EdgeOptions {
+        EdgeOptions {
+            name: format!("support {min_support}"),
+            planner: PlannerOptions {
+                edges: EdgeChoice::All,
+                forward_leap_steps: None,
+                predicted_edges: PruneOptions {
+                    min_support,
+                    ..PruneOptions::default()
+                },
+                ..PlannerOptions::default()
+            },
+            is_calibrated: true,
+        }
     }
 
     #[test]
-    fn near_and_far_pairs_weigh_the_same() {
-        let mut pairs = vec![((0, 1), 0, 1.0), ((0, 2), 4, 1.0), ((0, 3), 4, 1.0)];
-        weigh_halves(&mut pairs, 5);
-        let weights: Vec<f64> = pairs.iter().map(|p| p.2).collect();
-        assert_eq!(weights, [0.5, 0.25, 0.25]);
+    fn a_wormhole_is_found_and_support_keeps_plans_out_of_it() {
+        let (trajectories, replays) = shown();
+        let wine = task("wine", BedroomTask::Wine.subgoals());
+        let mut graph = TopologicalGraph::new(1, 5);
+        let mut ids = Vec::new();
+        for (k, trajectory) in trajectories.iter().enumerate() {
+            let latents = (0..trajectory.steps.len()).map(|s| vec![1000.0 * k as f32 + s as f32]);
+            let latents: Vec<Vec<f32>> = latents.collect();
+            let reached: Vec<usize> = trajectory.markers.iter().map(|m| m.step).collect();
+            ids.push(add_demonstration(
+                &mut graph,
+                &wine,
+                &trajectory.id,
+                &latents,
+                &reached,
+            ));
+        }
+        let grasp = trajectories[1].markers[0].step;
+        let sure = Edge::predicted(EdgeKind::Learned, &[0.96, 0.01, 0.01, 0.01, 0.01]);
+        // From the start of the first to just before the grasp of the second.
+        graph.add_edge(ids[0][1], ids[1][grasp - 1], sure);
+        let oracle = Oracle::new(5, |a, b| (b[0] >= a[0]).then(|| (b[0] - a[0]) as u32));
+        let trust = EdgeTrust::new(&EdgeTrustInput {
+            graph: Arc::new(graph),
+            replays: &replays,
+            traversability: &oracle,
+            temperature: 1.0,
+            automaton: &Automaton::in_order(&[wine]),
+            final_choice: &FinalChoice::Demonstration(trajectories[1].id.clone()),
+            options: vec![options(0), options(1)],
+            walks: 4,
+            seed: 0,
+        })
+        .expect("all of it was replayed");
+        assert_eq!(trust.edges.len(), 1);
+        let found = &trust.edges[0].within_one_primitive;
+        assert_eq!((found.count, trust.edges[0].edges), (1, 1), "{found:?}");
+        let [free, supported] = &trust.options[..] else {
+            panic!("two were asked for");
+        };
+        assert_eq!((free.starts, free.plans), (3, 2), "the third leads nowhere");
+        assert_eq!((free.plans_over_false_edges, supported.plans), (1, 1));
+        assert_eq!(supported.plans_over_false_edges, 0);
+        assert!(free.mean_true_steps > free.mean_claimed_steps);
+        assert_eq!(supported.mean_true_steps, supported.mean_claimed_steps);
+        // The oracle is 90 % sure of what is always so.
+        let same = &trust.calibration[0];
+        assert_eq!(same.population, Population::SameDemonstration);
+        let error = same.class.after.expected_calibration_error;
+        assert!((error - 0.1).abs() < 1e-3, "{error}");
+        assert!(trust.to_string().contains("within wine"));
     }
 }

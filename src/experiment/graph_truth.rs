@@ -116,6 +116,16 @@ fn states(
         .collect()
 }
 
+/// Whether an edge that truly takes so many steps is false.
+pub(super) fn is_false(steps: Option<u32>, d_max: u32) -> bool {
+    steps.is_none_or(|s| s >= d_max)
+}
+
+/// Whether it is so by far.
+pub(super) fn is_wormhole(steps: Option<u32>, d_max: u32) -> bool {
+    is_false(steps, 2 * d_max)
+}
+
 /// How many edges between two tasks, or within one, claim what is not so.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EdgeTally {
@@ -143,8 +153,8 @@ pub struct FalseEdges {
     /// Those of them that no number of steps brings about: another thing is held, another subgoal reached, the thing
     /// lies elsewhere.
     pub impossible: usize,
-    /// Those of them that truly take at least twice `d_max` steps.
-    pub far: usize,
+    /// Those of them that are impossible or truly take at least twice `d_max` steps.
+    pub wormholes: usize,
     /// Edges that are no false ones, but take at least two steps more than they claim.
     pub understated: usize,
     /// Median of true steps minus claimed ones; `None` where half of the edges or more are impossible.
@@ -156,8 +166,7 @@ impl FalseEdges {
         let count = |is: &dyn Fn(&EdgeTruth, Option<u32>) -> bool| {
             edges.iter().filter(|e| is(e, steps(e))).count()
         };
-        let is_false = |steps: Option<u32>| steps.is_none_or(|s| s >= d_max);
-        let false_edges = count(&|_, s| is_false(s));
+        let false_edges = count(&|_, s| is_false(s, d_max));
         let mut errors: Vec<f64> = edges
             .iter()
             .map(|e| steps(e).map_or(f64::INFINITY, |s| f64::from(s) - f64::from(e.claimed)))
@@ -168,7 +177,7 @@ impl FalseEdges {
             count: false_edges,
             share: false_edges as f64 / edges.len().max(1) as f64,
             impossible: count(&|_, s| s.is_none()),
-            far: count(&|_, s| s.is_some_and(|s| s >= 2 * d_max)),
+            wormholes: count(&|_, s| is_wormhole(s, d_max)),
             understated: count(&|e, s| s.is_some_and(|s| s < d_max && s >= e.claimed + 2)),
             median_error_steps: median.filter(|m| m.is_finite()),
         }
@@ -195,7 +204,7 @@ mod tests {
             edge(3, None),
         ];
         let found = FalseEdges::count(&edges, |e| e.wide, 5);
-        assert_eq!((found.count, found.impossible, found.far), (3, 1, 1));
+        assert_eq!((found.count, found.impossible, found.wormholes), (3, 1, 2));
         assert_eq!(found.understated, 1);
         assert_eq!(found.median_error_steps, Some(3.0));
         let all = FalseEdges::count(&edges, |e| e.narrow, 5);
