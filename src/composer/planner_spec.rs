@@ -87,7 +87,13 @@ pub(super) fn read_planner(node: &Node, reader: &mut Reader<'_>) -> PlannerOptio
 fn read_predicted_edges(node: &Node, reader: &mut Reader<'_>) -> PruneOptions {
     let mut options = PruneOptions::default();
     if !matches!(node.value, Value::Map(_)) && node.as_text().is_some() {
-        reader.choice(node, "predicted_edges", &[("all", ())]);
+        if node.as_text() != Some("all") {
+            reader.ambiguous(
+                node,
+                "predicted_edges does not say which",
+                "write all, or {min_probability: 0.5, max_out_edges: 8, min_support: 1}",
+            );
+        }
         return options;
     }
     let keys = ["min_probability", "max_out_edges", "min_support"];

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::calibration_score::JudgedPair;
 use super::edge_options::Judged;
-use super::graph_truth::{EdgeTruth, GraphTruth};
+use super::graph_truth::{EdgeTruth, GraphTruth, is_false};
 use super::labelled_pairs::{Labelled, class_of, labelled_pairs};
 use super::walk::walk;
 use super::{
@@ -41,7 +41,7 @@ pub struct EdgeTrust {
     pub calibration: Vec<CalibrationScore>,
     /// False edges, by kind and tasks.
     pub edges: Vec<EdgeTally>,
-    /// A sample of the edges that are counted as true, walked in the simulator.
+    /// A sample of the learned edges that are counted as true, walked in the simulator.
     pub true_walks: WalkScore,
     /// A sample of those that are counted as false, but lead somewhere within 15 steps.
     pub false_walks: WalkScore,
@@ -92,7 +92,7 @@ impl EdgeTrust {
         };
         let options = input.options.iter().cloned();
         let d_max = graph.d_max() as u32;
-        let is_true = |e: &EdgeTruth| e.wide.is_some_and(|s| s < d_max);
+        let is_true = |e: &EdgeTruth| !is_false(e.wide, d_max);
         let is_walkable =
             |e: &EdgeTruth| e.wide.is_some_and(|s| (d_max..=LONGEST_WALK).contains(&s));
         Ok(Self {
@@ -111,7 +111,8 @@ impl EdgeTrust {
     }
 }
 
-/// Walks a sample of the edges that satisfy a condition.
+/// Walks a sample of the learned edges that satisfy a condition. Cross-task edges are not walked: a recording of
+/// another task may have found the things of the next one elsewhere.
 fn walks(
     truth: &GraphTruth<'_>,
     condition: impl Fn(&EdgeTruth) -> bool,
@@ -119,7 +120,8 @@ fn walks(
     d_max: u32,
     rng: &mut ChaCha8Rng,
 ) -> WalkScore {
-    let edges = truth.edges.iter().filter(|(_, edge)| condition(edge));
+    let is_asked = |e: &EdgeTruth| e.kind == EdgeKind::Learned && condition(e);
+    let edges = truth.edges.iter().filter(|(_, edge)| is_asked(edge));
     let mut ends: Vec<(NodeId, NodeId)> = edges.map(|(ends, _)| *ends).collect();
     ends.sort_unstable();
     let sample: Vec<(NodeId, NodeId)> = ends.choose_multiple(rng, count).copied().collect();

@@ -44,6 +44,10 @@ pub(super) struct Leg {
 /// that is in the bin ought to stand on the shelf) has no number of steps. A thing that has not been moved
 /// from its place can be taken and let go by the fingers alone, and whatever B's task is not about can be dropped.
 ///
+/// Where A is of another task, what B's task is about is taken to be as at the start of B's recording: a composition
+/// begins a task that is still to be done, and what some recording of another task found there by chance says
+/// nothing about the way.
+///
 /// The number is a lower bound: nothing is ever in the way, everything that is grasped is held, and nobody hesitates.
 /// So an edge that claims fewer steps is false beyond doubt where this number is `d_max` or more.
 #[derive(Clone, Copy, Debug)]
@@ -72,8 +76,12 @@ impl<'a> TrueSteps<'a> {
     /// If a state is not in the recordings.
     #[must_use]
     pub fn between(&self, from: RecordedState, to: RecordedState) -> Option<u32> {
-        let here = &self.replays[from.replay].insights[from.step];
-        self.way(here, to).map(|(steps, _)| steps.max(1))
+        let (source, target) = (&self.replays[from.replay], &self.replays[to.replay]);
+        let mut here = source.insights[from.step];
+        if source.task != target.task {
+            here = begins(&here, &target.insights[0]);
+        }
+        self.way(&here, to).map(|(steps, _)| steps.max(1))
     }
 
     /// The shortest way from what is the case to a state, and its parts.
@@ -144,40 +152,63 @@ impl<'a> TrueSteps<'a> {
     pub(super) fn is_alike(&self, here: &Insight, to: RecordedState) -> bool {
         let replay = &self.replays[to.replay];
         let there = &replay.insights[to.step];
-        let same = |i: &Insight| (Achieved::of(i, replay.task), i.held);
-        same(here) == same(there)
+        Case::of(here, replay.task) == Case::of(there, replay.task)
     }
 }
 
-/// What a task has brought about, apart from what is held.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Achieved {
-    drawer_is_open: bool,
-    is_done: bool,
+/// The robot where it is, with whatever it holds, in a room in which another task is still to be done.
+fn begins(robot: &Insight, start: &Insight) -> Insight {
+    Insight {
+        base_m: robot.base_m,
+        heading_rad: robot.heading_rad,
+        tool: robot.tool,
+        gripper_shut: robot.gripper_shut,
+        held: held(robot),
+        ..*start
+    }
 }
 
-impl Achieved {
+/// What is in the shut gripper: held by both pads, or wedged between the fingers and lifted.
+fn held(insight: &Insight) -> Option<Graspable> {
+    let truth = &insight.truth;
+    let lifted = [
+        (truth.sock_grasped, Graspable::Sock),
+        (truth.can_grasped, Graspable::Can),
+        (truth.tissue_grasped, Graspable::Tissue),
+    ];
+    let wedged = lifted.into_iter().find(|(is_lifted, _)| *is_lifted);
+    insight.held.or(wedged.map(|(_, thing)| thing))
+}
+
+/// What has to be the same in two states beside the robot's posture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Case {
+    drawer_is_open: bool,
+    is_done: bool,
+    held: Option<Graspable>,
+}
+
+impl Case {
     fn of(insight: &Insight, task: BedroomTask) -> Self {
         Self {
             drawer_is_open: task == BedroomTask::Sock && insight.truth.drawer_open,
             is_done: insight.truth.is_done(task),
+            held: held(insight),
         }
     }
 }
 
 /// The last step before `step` at which something else was the case than after it.
 fn last_change(replay: &Replay, step: usize) -> Option<usize> {
-    let case = |s: usize| {
-        let insight = &replay.insights[s];
-        (Achieved::of(insight, replay.task), insight.held)
-    };
+    let case = |s: usize| Case::of(&replay.insights[s], replay.task);
     (0..step).rev().find(|s| case(*s) != case(*s + 1))
 }
 
-/// Steps, beyond those of the posture, after which the same is held and achieved; `None` where that cannot be had
-/// by opening or shutting the fingers.
+/// Steps, beyond those of the posture, after which the same is the case; `None` where that cannot be had by opening
+/// or shutting the fingers.
 fn finger_steps(here: &Insight, there: &Insight, task: BedroomTask) -> Option<u32> {
-    if Achieved::of(here, task) != Achieved::of(there, task) {
+    let (now, then) = (Case::of(here, task), Case::of(there, task));
+    if (now.drawer_is_open, now.is_done) != (then.drawer_is_open, then.is_done) {
         return None;
     }
     // Open and shut again, where the posture itself asks for neither.
@@ -186,7 +217,7 @@ fn finger_steps(here: &Insight, there: &Insight, task: BedroomTask) -> Option<u3
     } else {
         0
     };
-    match (here.held, there.held) {
+    match (now.held, then.held) {
         (a, b) if a == b => Some(0),
         (Some(thing), None) if !is_about(task, thing) => Some(again),
         (None, Some(thing)) | (Some(thing), None) => {
