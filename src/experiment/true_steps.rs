@@ -11,6 +11,9 @@ const SAME_SCENE_M: f64 = 0.25;
 /// A thing that is this much higher or lower is not where it was.
 const SAME_HEIGHT_M: f64 = 0.03;
 
+/// A thing in the gripper that is this far from where it was taken is carried.
+const TAKEN_M: f64 = 0.02;
+
 /// A state of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct RecordedState {
@@ -33,7 +36,7 @@ pub(super) struct Leg {
 /// States of two recordings are never equal: the robot started elsewhere, the things lie elsewhere, other tasks
 /// have left other things behind. A robot in state A of one recording *is at* state B of another once
 /// - base, arm and fingers are as in B to within `tolerance` primitives in each of their directions, in a room that
-///   is shifted so that the thing which B is about (the sock until it is lifted, then the box, which stands; the can,
+///   is shifted so that the thing which B is about (the sock until it is carried, then the box, which stands; the can,
 ///   then the bin; the tissue, then the spill) lies where it lies for A. Near that thing (20 cm) the hand must be in
 ///   the right place of the room, elsewhere it is enough that the arm is held as in B;
 /// - the same thing is held, the drawer is open or shut as in B and the task of B is done or not done as in B. What
@@ -118,9 +121,8 @@ impl<'a> TrueSteps<'a> {
 
     /// Steps to a state that differs in nothing but where the robot is and what the fingers can do there.
     fn directly(&self, here: &Insight, replay: &Replay, step: usize) -> Option<u32> {
-        let there = &replay.insights[step];
-        let fingers = finger_steps(here, there, replay.task)?;
-        let focus = Focus::of(there, replay.task);
+        let fingers = finger_steps(here, &replay.insights[step], replay.task)?;
+        let focus = Focus::of(replay, step);
         let shift = focus.shift(here);
         if shift[0].hypot(shift[1]) > SAME_SCENE_M {
             return None;
@@ -136,9 +138,8 @@ impl<'a> TrueSteps<'a> {
 
     /// The posture of a recorded state in the room as it is now.
     pub(super) fn goal(&self, here: &Insight, replay: &Replay, step: usize) -> (Posture, Arrival) {
-        let there = &replay.insights[step];
-        let focus = Focus::of(there, replay.task);
-        let posture = Posture::of(there);
+        let focus = Focus::of(replay, step);
+        let posture = Posture::of(&replay.insights[step]);
         let hand = posture.hand_m();
         let off = [hand[0] - focus.place_m[0], hand[1] - focus.place_m[1]];
         let arrival = Arrival {
@@ -248,6 +249,17 @@ fn place(insight: &Insight, thing: Graspable) -> [f64; 3] {
     .map(f64::from)
 }
 
+/// Whether a thing is in the gripper and no longer where it was taken.
+fn is_carried(replay: &Replay, step: usize, thing: Graspable) -> bool {
+    let holds = |step: usize| held(&replay.insights[step]) == Some(thing);
+    if !holds(step) {
+        return false;
+    }
+    let taken = (0..step).rev().find(|s| !holds(*s)).unwrap_or(0);
+    let [a, b] = [taken, step].map(|s| place(&replay.insights[s], thing));
+    (a[0] - b[0]).hypot(a[1] - b[1]) > TAKEN_M || (a[2] - b[2]).abs() > TAKEN_M
+}
+
 /// The thing that a state is about.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Focus {
@@ -264,21 +276,25 @@ enum Thing {
 }
 
 impl Focus {
-    fn of(insight: &Insight, task: BedroomTask) -> Self {
+    fn of(replay: &Replay, step: usize) -> Self {
+        let insight = &replay.insights[step];
         let truth = &insight.truth;
+        let is_carried = |thing| is_carried(replay, step, thing);
         let loose = |thing| (Thing::Loose(thing), place(insight, thing));
         let fixed = |place: [f32; 3]| (Thing::Fixed, place.map(f64::from));
-        let (thing, place_m) = match task {
-            BedroomTask::Sock if truth.sock_grasped || truth.sock_in_box => {
+        let (thing, place_m) = match replay.task {
+            BedroomTask::Sock if is_carried(Graspable::Sock) || truth.sock_in_box => {
                 fixed(insight.container_m)
             }
             BedroomTask::Sock if !truth.drawer_open || insight.held == Some(Graspable::Drawer) => {
                 fixed(insight.handle_m)
             }
             BedroomTask::Sock => loose(Graspable::Sock),
-            BedroomTask::Trash if truth.can_grasped || truth.can_in_bin => fixed(insight.bin_m),
+            BedroomTask::Trash if is_carried(Graspable::Can) || truth.can_in_bin => {
+                fixed(insight.bin_m)
+            }
             BedroomTask::Trash => loose(Graspable::Can),
-            BedroomTask::Wine if truth.tissue_grasped || truth.spill_covered => {
+            BedroomTask::Wine if is_carried(Graspable::Tissue) || truth.spill_covered => {
                 (Thing::Spill, insight.spill_m.map(f64::from))
             }
             BedroomTask::Wine => loose(Graspable::Tissue),

@@ -152,8 +152,12 @@ mod tests {
     fn what_was_demonstrated_can_be_walked() {
         let task = BedroomTask::Trash;
         let config = BedroomConfig::paper(task);
-        let shown = demonstrate(&mut Bedroom::new(config), task, 5).expect("no failure");
-        let replay = Replay::new(&shown.trajectory, 5, Some(config)).expect("just recorded");
+        let shown = (0..).map(|seed| {
+            let shown = demonstrate(&mut Bedroom::new(config), task, seed);
+            (seed, shown.expect("the room does not fail"))
+        });
+        let (seed, shown) = shown.skip_while(|(_, s)| !s.succeeded).next().expect("one");
+        let replay = Replay::new(&shown.trajectory, seed, Some(config)).expect("just recorded");
         let replays = [replay];
         let truth = TrueSteps::new(&replays, 0.5);
         let state = |step| RecordedState { replay: 0, step };
