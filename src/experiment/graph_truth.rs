@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::{ExperimentError, RecordedState, Replay, TrueSteps};
 use crate::graph::{EdgeKind, NodeId, TopologicalGraph};
 
-/// How near is there: one primitive in every direction, so that what is called false is false beyond doubt.
+/// How near is there: one primitive in every direction, so that what is called false is so whatever grid of primitives a
+/// robot happens to be on.
 pub(super) const WIDE_TOLERANCE: f64 = 1.0;
 /// The other bound: as near as a robot of primitives can be brought.
 pub(super) const NARROW_TOLERANCE: f64 = 0.5;

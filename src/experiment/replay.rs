@@ -2,8 +2,8 @@ use super::ExperimentError;
 use crate::simulator::{Bedroom, BedroomConfig, BedroomTask, Insight, Leftovers, Level, Primitive};
 use crate::trajectory::{Action, Observation, Trajectory};
 
-/// Largest mean difference between a recorded and a replayed picture, in levels of 0..=255: what JPEG loses
-/// is below 3, a robot that stands one primitive aside shows 8 and more.
+/// Largest mean difference between a recorded and a replayed picture, in levels of 0..=255. The noise of the cameras is
+/// replayed too, so that only what JPEG loses is left.
 const SAME_PICTURE_LEVELS: f64 = 5.0;
 
 /// A recording of the simulated bedroom with what was really the case at each of its steps.

@@ -10,7 +10,6 @@ const AT_A_THING_M: f64 = 0.20;
 const SAME_SCENE_M: f64 = 0.25;
 /// A thing that is this much higher or lower is not where it was.
 const SAME_HEIGHT_M: f64 = 0.03;
-
 /// A thing in the gripper that is this far from where it was taken is carried.
 const TAKEN_M: f64 = 0.02;
 
@@ -51,8 +50,8 @@ pub(super) struct Leg {
 /// begins a task that is still to be done, and what some recording of another task found there by chance says
 /// nothing about the way.
 ///
-/// The number is a lower bound: nothing is ever in the way, everything that is grasped is held, and nobody hesitates.
-/// So an edge that claims fewer steps is false beyond doubt where this number is `d_max` or more.
+/// The number is a lower bound but for things that are pushed on the way: nothing is ever in the way, everything that
+/// is grasped is held, and nobody hesitates. So an edge is false where this number is `d_max` or more.
 #[derive(Clone, Copy, Debug)]
 pub struct TrueSteps<'a> {
     replays: &'a [Replay],
