@@ -152,11 +152,11 @@ mod tests {
     fn what_was_demonstrated_can_be_walked() {
         let task = BedroomTask::Trash;
         let config = BedroomConfig::paper(task);
-        let shown = (0..).map(|seed| {
+        let mut shown = (0..).map(|seed| {
             let shown = demonstrate(&mut Bedroom::new(config), task, seed);
             (seed, shown.expect("the room does not fail"))
         });
-        let (seed, shown) = shown.skip_while(|(_, s)| !s.succeeded).next().expect("one");
+        let (seed, shown) = shown.find(|(_, s)| s.succeeded).expect("one succeeds");
         let replay = Replay::new(&shown.trajectory, seed, Some(config)).expect("just recorded");
         let replays = [replay];
         let truth = TrueSteps::new(&replays, 0.5);
