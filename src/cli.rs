@@ -16,6 +16,7 @@ mod record;
 mod run;
 mod shortcuts;
 mod train;
+mod trust;
 
 use std::process::ExitCode;
 

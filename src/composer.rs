@@ -31,7 +31,7 @@ mod yaml;
 pub use builder::CompositionBuilder;
 pub use compose::{compose, compose_named, compose_source, task_names};
 pub use composition::Composition;
-pub use composition_spec::{CompositionSpec, Limits, OnShortcut};
+pub use composition_spec::{Calibration, CompositionSpec, Limits, OnShortcut};
 pub use diagnostic::{Diagnostic, SecondPlace, Severity};
 pub use diagnostics::{Diagnostics, Rendering};
 pub use environment_config::EnvironmentConfig;

@@ -2,22 +2,43 @@
 //!
 //! Only this room and the operator look at the truth; what plans and acts never does.
 
+mod calibration_score;
 mod counted;
 mod detection;
+mod edge_options;
+mod edge_trust;
+mod edge_trust_table;
+mod error;
 mod evaluation;
+mod graph_truth;
 mod interval;
+mod labelled_pairs;
 mod localisation;
+mod posture;
+mod reliability;
+mod replay;
 mod score;
 mod scored;
 mod step_bench;
+mod true_steps;
+mod walk;
 mod watched;
 
+pub use calibration_score::{BeforeAndAfter, CalibrationScore, Population};
 pub(crate) use counted::counted;
 pub use detection::ShortcutDetection;
+pub use edge_options::{EdgeOptions, OptionEffect};
+pub use edge_trust::{EdgeTrust, EdgeTrustInput};
+pub use error::ExperimentError;
 pub use evaluation::{EpisodeResult, Evaluation, SubgoalTally};
+pub use graph_truth::{EdgeTally, FalseEdges};
 pub use interval::wilson_interval_95;
 pub use localisation::{LocalisationError, LocalisationScore};
+pub use reliability::{Forecast, Reliability, ReliabilityBin};
+pub use replay::Replay;
 pub use score::{Score, SubgoalOutcome};
 pub use scored::ScoredBedroom;
 pub use step_bench::StepBench;
+pub use true_steps::{RecordedState, TrueSteps};
+pub use walk::WalkScore;
 pub use watched::Watched;

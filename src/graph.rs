@@ -36,7 +36,7 @@ pub use merge::{MergeOptions, MergeReport, Merged, SeamReport, merge};
 pub use node::{Node, NodeId};
 pub use progress::{GraphPhase, GraphProgress, ProgressFn};
 pub use proposals::ConnectionEmbedding;
-pub use prune::{PruneOptions, prune};
+pub use prune::{PruneOptions, left_out, prune};
 pub use resample::resampled;
 pub use score_pairs::{EdgeSink, JoinedEdges, ScoreError, ScoringReport, score_pairs};
 pub use scoring::ScoredPair;

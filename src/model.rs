@@ -7,6 +7,7 @@ mod latents;
 mod manifest;
 mod policy;
 mod spec;
+mod temperature;
 mod traversability;
 
 pub use encoder::Encoder;
@@ -18,5 +19,6 @@ pub use manifest::{
 };
 pub use policy::{ActionDistribution, LocalPolicy};
 pub use spec::ModelSpec;
+pub use temperature::temper;
 pub(crate) use traversability::BLOCK_PAIRS;
 pub use traversability::{Projections, StepDistributions, Traversability, predict_in_blocks};

@@ -117,6 +117,9 @@ pub enum GraphCommand {
     Gaps(GraphGapsArguments),
     /// Follow recordings that are not in a task's graph along it: errors, jumps, with and without the filter.
     Localise(GraphLocaliseArguments),
+    /// Say how far predicted edges can be trusted, by recordings of the simulator that are in no graph: calibration,
+    /// false edges, and what each option of the edges does.
+    Trust(GraphTrustArguments),
 }
 
 /// `catena graph build`
@@ -192,6 +195,25 @@ pub struct GraphLocaliseArguments {
     /// of all.
     #[arg(long)]
     pub nearest_states: Option<usize>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `catena graph trust`
+#[derive(Debug, Args)]
+pub struct GraphTrustArguments {
+    /// The YAML file of a task or a composition.
+    pub file: PathBuf,
+    /// Folders of recordings that the model was not trained on, one a task, in the order of the composition.
+    #[arg(long, required = true, num_args = 1..)]
+    pub demos: Vec<PathBuf>,
+    /// Edges that are walked in the simulator, of the true and of the false ones each.
+    #[arg(long, default_value_t = 60)]
+    pub walks: usize,
+    /// Seed of the samples.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,

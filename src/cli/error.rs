@@ -5,6 +5,7 @@ use thiserror::Error;
 
 use crate::composer::{Diagnostics, Rendering};
 use crate::environment::EnvironmentError;
+use crate::experiment::ExperimentError;
 use crate::graph::{GraphError, ScoreError};
 use crate::inference::InferenceError;
 use crate::model::ModelError;
@@ -24,6 +25,8 @@ pub(super) enum CliError {
     Composer(#[from] Diagnostics),
     #[error(transparent)]
     Environment(#[from] EnvironmentError),
+    #[error(transparent)]
+    Experiment(#[from] ExperimentError),
     #[error(transparent)]
     Graph(#[from] GraphError),
     #[error(transparent)]
@@ -70,6 +73,18 @@ pub(super) enum CliError {
     ShareOutOfRange {
         /// What was given.
         share: f64,
+    },
+    /// Another number of folders than of tasks.
+    #[error(
+        "--demos names {found} folders, but there are {expected} tasks: name a folder for each of {tasks}, in that order"
+    )]
+    FoldersOfTasks {
+        /// The tasks.
+        tasks: String,
+        /// How many there are.
+        expected: usize,
+        /// Folders that were given.
+        found: usize,
     },
     /// A training was begun there.
     #[error("{} holds a training already: go on with --resume, or name another folder with --run", run.display())]

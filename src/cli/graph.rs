@@ -10,6 +10,7 @@ use super::gaps::gaps;
 use super::loaded::{GraphFolders, in_folder, merge_options, show as show_progress};
 use super::localise::localise;
 use super::progress;
+use super::trust::trust;
 use crate::composer::load_task;
 use crate::graph::{
     BuildOptions, ConnectionEmbedding, EdgeKind, GraphStatistics, Node, NodeId, PairCandidates,
@@ -60,6 +61,7 @@ pub(super) fn graph(command: &GraphCommand, arguments: &Arguments) -> Result<(),
         GraphCommand::Show(a) => show(a),
         GraphCommand::Gaps(a) => gaps(a, arguments),
         GraphCommand::Localise(a) => localise(a, arguments),
+        GraphCommand::Trust(a) => trust(a, arguments),
     }
 }
 

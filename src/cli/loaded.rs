@@ -6,7 +6,7 @@ use indicatif::ProgressBar;
 use super::arguments::{Arguments, EngineArgument};
 use super::error::CliError;
 use super::progress;
-use crate::composer::{Composition, compose_named};
+use crate::composer::{Calibration, Composition, compose_named};
 use crate::graph::{
     CrossTaskCandidates, GraphProgress, MergeOptions, MergeReport, TopologicalGraph, merge,
 };
@@ -89,9 +89,15 @@ impl Loaded {
     pub(super) fn load(name_or_path: &str, arguments: &Arguments) -> Result<Self, CliError> {
         let composition = compose_named(name_or_path, &arguments.root)?;
         composition.check_files()?;
-        let model = Model::load(&composition.model, arguments.engine.into())?;
+        let model = load_model(&composition, arguments)?;
         let folders: Vec<PathBuf> = composition.tasks.iter().map(|t| t.graph.clone()).collect();
-        let loaded = GraphFolders::load(&folders, &model)?;
+        let mut loaded = GraphFolders::load(&folders, &model)?;
+        let exponent = model.manifest().temperature / model.temperature();
+        if composition.calibration == Calibration::None {
+            for graph in &mut loaded.graphs {
+                *graph = graph.tempered(exponent);
+            }
+        }
         let images = folders
             .iter()
             .map(|f| GraphImages::open(f))
@@ -167,6 +173,18 @@ impl Loaded {
             }),
         }
     }
+}
+
+/// The model of a composition, calibrated as it says.
+pub(super) fn load_model(
+    composition: &Composition,
+    arguments: &Arguments,
+) -> Result<Model, CliError> {
+    let model = Model::load(&composition.model, arguments.engine.into())?;
+    Ok(match composition.calibration {
+        Calibration::Temperature => model,
+        Calibration::None => model.at_temperature(1.0),
+    })
 }
 
 fn merge_all(

@@ -14,6 +14,8 @@ use crate::storage::{RecordingMetadata, write_trajectory};
 /// Keeps the episodes of demonstrations apart from those of evaluations, whose seeds are used as they
 /// are: attempt `k` of `record --seed s` is the episode of seed `s * 1,000,000 + k`.
 const SEEDS_A_RECORDING: u64 = 1_000_000;
+/// Note in a recording's metadata: which kind of episodes it is one of, as JSON.
+pub(super) const BEDROOM_NOTE: &str = "bedroom";
 /// Attempts for each demonstration that is wanted, before it is given up.
 const ATTEMPTS_A_DEMO: usize = 20;
 
@@ -76,7 +78,7 @@ pub(super) fn record(arguments: &RecordArguments) -> Result<(), CliError> {
                     Attempt::Known => found += 1,
                     Attempt::Succeeded(seed, demonstration) => {
                         lengths.push(demonstration.trajectory.steps.len());
-                        keep(arguments, seed, &demonstration)?;
+                        keep(arguments, config, seed, &demonstration)?;
                     }
                 }
                 recorded += 1;
@@ -131,6 +133,7 @@ fn attempt(
 
 fn keep(
     arguments: &RecordArguments,
+    config: BedroomConfig,
     seed: u64,
     demonstration: &Demonstration,
 ) -> Result<(), CliError> {
@@ -139,7 +142,7 @@ fn keep(
         robot: "LoCoBot (simulated)".to_owned(),
         seed: Some(seed),
         success: Some(true),
-        ..RecordingMetadata::default()
+        notes: [(BEDROOM_NOTE.to_owned(), serde_json::to_string(&config)?)].into(),
     };
     let path = arguments.out.join(file_name(task, seed));
     write_trajectory(&path, &demonstration.trajectory, &metadata)?;

@@ -1,7 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use super::composition::Composition;
-use super::composition_spec::{CompositionSpec, Limits, OnShortcut};
+use super::composition_spec::{Calibration, CompositionSpec, Limits, OnShortcut};
 use super::diagnostic::Diagnostic;
 use super::diagnostic::Faults;
 use super::diagnostics::Diagnostics;
@@ -84,6 +84,13 @@ impl CompositionBuilder {
     #[must_use]
     pub fn planner(mut self, options: PlannerOptions) -> Self {
         self.spec.planner = options;
+        self
+    }
+
+    /// How the traversability is calibrated.
+    #[must_use]
+    pub fn calibration(mut self, calibration: Calibration) -> Self {
+        self.spec.calibration = calibration;
         self
     }
 

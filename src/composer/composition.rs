@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use super::composition_spec::{CompositionSpec, Limits, OnShortcut};
+use super::composition_spec::{Calibration, CompositionSpec, Limits, OnShortcut};
 use super::diagnostic::{Diagnostic, Faults};
 use super::diagnostics::Diagnostics;
 use super::environment_config::EnvironmentConfig;
@@ -33,6 +33,8 @@ pub struct Composition {
     pub on_shortcut: OnShortcut,
     /// How to plan.
     pub planner: PlannerOptions,
+    /// How the traversability is calibrated, on the edges of the graphs and while running.
+    pub calibration: Calibration,
     /// Bounds of a run.
     pub limits: Limits,
     /// The simulated world to start in: its own, else that of the first task.
@@ -96,6 +98,7 @@ impl Composition {
             final_choice: spec.final_choice.value.clone(),
             on_shortcut: spec.on_shortcut,
             planner: spec.planner.clone(),
+            calibration: spec.calibration,
             limits: spec.limits.value,
             environment: spec.environment.clone().or(first_environment),
             warnings: Vec::new(),

@@ -17,6 +17,7 @@ pub(super) const COMPOSITION_KEYS: &[&str] = &[
     "final_state",
     "on_shortcut",
     "planner",
+    "calibration",
     "limits",
 ];
 
@@ -31,6 +32,17 @@ pub enum OnShortcut {
     Stop,
     /// Note it and go on.
     Report,
+}
+
+/// How the probabilities of the traversability function are calibrated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Calibration {
+    /// By the model's temperature, which its training found on held-out demonstrations.
+    #[default]
+    Temperature,
+    /// Not at all: the network's own probabilities, temperature 1.
+    None,
 }
 
 /// Bounds of a run.
@@ -73,6 +85,8 @@ pub struct CompositionSpec {
     pub on_shortcut: OnShortcut,
     /// How to plan.
     pub planner: PlannerOptions,
+    /// How the traversability is calibrated.
+    pub calibration: Calibration,
     /// Bounds of a run.
     pub limits: Located<Limits>,
 }
@@ -89,6 +103,7 @@ impl Default for CompositionSpec {
             final_choice: FinalChoice::default().into(),
             on_shortcut: OnShortcut::default(),
             planner: PlannerOptions::default(),
+            calibration: Calibration::default(),
             limits: Limits::default().into(),
         }
     }
@@ -128,6 +143,15 @@ impl CompositionSpec {
         }
         if let Some(node) = fields.value("planner") {
             spec.planner = read_planner(node, reader);
+        }
+        if let Some(node) = fields.value("calibration") {
+            let choices = [
+                ("temperature", Calibration::Temperature),
+                ("none", Calibration::None),
+            ];
+            spec.calibration = reader
+                .choice(node, "calibration", &choices)
+                .unwrap_or_default();
         }
         if let Some(node) = fields.value("limits") {
             spec.read_limits(node, reader);

@@ -2,12 +2,14 @@
 
 use super::reader::Reader;
 use super::yaml::{Node, Value};
+use crate::graph::PruneOptions;
 use crate::planner::{EdgeChoice, EdgeCost, Join, PlannerOptions, Search};
 
 const KEYS: &[&str] = &[
     "search",
     "cost",
     "edges",
+    "predicted_edges",
     "join",
     "forward_leap_steps",
     "min_live_probability",
@@ -16,6 +18,9 @@ const KEYS: &[&str] = &[
 
 /// Longest leap or lookahead that is not surely a slip.
 const MAX_STEPS: u32 = 1000;
+
+/// Largest cap on the predicted edges of a state; no state has more.
+const MAX_OUT_EDGES: u32 = 1_000_000;
 
 pub(super) fn read_planner(node: &Node, reader: &mut Reader<'_>) -> PlannerOptions {
     if !matches!(node.value, Value::Map(_)) && node.as_text().is_some() {
@@ -50,6 +55,9 @@ pub(super) fn read_planner(node: &Node, reader: &mut Reader<'_>) -> PlannerOptio
             .choice(node, "edges", &choices)
             .unwrap_or(options.edges);
     }
+    if let Some(node) = fields.value("predicted_edges") {
+        options.predicted_edges = read_predicted_edges(node, reader);
+    }
     if let Some(node) = fields.value("join") {
         let choices = [("cheapest", Join::Cheapest), ("believed", Join::Believed)];
         options.join = reader
@@ -71,6 +79,42 @@ pub(super) fn read_planner(node: &Node, reader: &mut Reader<'_>) -> PlannerOptio
     if let Some(node) = fields.value("lookahead_steps") {
         let steps = reader.integer(node, "lookahead_steps", &(0..=MAX_STEPS));
         options.lookahead_steps = steps.unwrap_or(options.lookahead_steps);
+    }
+    options
+}
+
+/// `all`, or `{min_probability: 0.5, max_out_edges: 8, min_support: 1}` or some of these.
+fn read_predicted_edges(node: &Node, reader: &mut Reader<'_>) -> PruneOptions {
+    let mut options = PruneOptions::default();
+    if !matches!(node.value, Value::Map(_)) && node.as_text().is_some() {
+        if node.as_text() != Some("all") {
+            reader.ambiguous(
+                node,
+                "predicted_edges does not say which",
+                "write all, or {min_probability: 0.5, max_out_edges: 8, min_support: 1}",
+            );
+        }
+        return options;
+    }
+    let keys = ["min_probability", "max_out_edges", "min_support"];
+    let Some(fields) = reader.fields(node, "predicted_edges", &keys) else {
+        return options;
+    };
+    if let Some(node) = fields.value("min_probability") {
+        let probability = reader.number(node, "min_probability", &(0.0..=1.0));
+        options.min_probability = probability.map_or(options.min_probability, |p| p as f32);
+    }
+    if let Some(node) = fields.value("max_out_edges") {
+        options.max_out_edges = if node.as_text() == Some("any") {
+            None
+        } else {
+            let cap = reader.integer(node, "max_out_edges", &(0..=MAX_OUT_EDGES));
+            cap.map(|cap| cap as usize)
+        };
+    }
+    if let Some(node) = fields.value("min_support") {
+        let support = reader.integer(node, "min_support", &(0..=2));
+        options.min_support = support.unwrap_or(options.min_support);
     }
     options
 }

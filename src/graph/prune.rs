@@ -20,6 +20,14 @@ pub struct PruneOptions {
     pub min_support: u32,
 }
 
+impl PruneOptions {
+    /// Whether every edge stays.
+    #[must_use]
+    pub fn keeps_all(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
 /// The same nodes and temporal edges with fewer predicted edges.
 #[must_use]
 pub fn prune(graph: &TopologicalGraph, options: &PruneOptions) -> TopologicalGraph {
@@ -27,31 +35,54 @@ pub fn prune(graph: &TopologicalGraph, options: &PruneOptions) -> TopologicalGra
     for (id, node) in graph.nodes() {
         pruned.add_node(node.clone(), graph.latents().row(id.index()));
     }
+    for (from, to, edge) in kept(graph, options) {
+        pruned.push_edge(from, to, edge);
+    }
+    pruned
+}
+
+/// The predicted edges that [`prune`] would leave out, by their ends.
+#[must_use]
+pub fn left_out(graph: &TopologicalGraph, options: &PruneOptions) -> HashSet<(NodeId, NodeId)> {
+    if options.keeps_all() {
+        return HashSet::new();
+    }
+    let kept = kept(graph, options);
+    let kept: HashSet<_> = kept.iter().map(|(from, to, _)| (*from, *to)).collect();
+    graph
+        .edges()
+        .map(|(from, to, _)| (from, to))
+        .filter(|ends| !kept.contains(ends))
+        .collect()
+}
+
+/// The edges that stay: all temporal ones whatever the options, and the predicted ones that satisfy them.
+fn kept(graph: &TopologicalGraph, options: &PruneOptions) -> Vec<(NodeId, NodeId, Edge)> {
     let predicted: HashSet<(NodeId, NodeId)> = graph
         .edges()
         .filter(|(_, _, e)| e.kind != EdgeKind::Temporal)
         .map(|(from, to, _)| (from, to))
         .collect();
-    let mut kept: BTreeMap<_, Vec<(NodeId, NodeId, Edge)>> = BTreeMap::new();
+    let mut groups: BTreeMap<_, Vec<(NodeId, NodeId, Edge)>> = BTreeMap::new();
     for (from, to, edge) in graph.edges() {
         let stays = edge.kind == EdgeKind::Temporal
             || (edge.connected_probability() >= options.min_probability
                 && support(graph, &predicted, from, to) >= options.min_support);
         if stays {
-            kept.entry((from, edge.kind))
+            groups
+                .entry((from, edge.kind))
                 .or_default()
                 .push((from, to, edge.clone()));
         }
     }
-    for ((_, kind), mut edges) in kept {
+    let mut all = Vec::new();
+    for ((_, kind), mut edges) in groups {
         if let (Some(cap), true) = (options.max_out_edges, kind != EdgeKind::Temporal) {
             keep_most_probable_edges(&mut edges, cap);
         }
-        for (from, to, edge) in edges {
-            pruned.push_edge(from, to, edge);
-        }
+        all.append(&mut edges);
     }
-    pruned
+    all
 }
 
 fn support(
@@ -106,5 +137,29 @@ mod tests {
         assert!(pruned.edge(a[5], b[0]).is_none());
         assert!((0..3).all(|i| pruned.edge(a[i], b[i + 1]).is_some()));
         assert_eq!(pruned.edge_count(), 10 + 3);
+        assert_eq!(left_out(&graph, &options), [(a[5], b[0])].into());
+    }
+
+    #[test]
+    fn temporal_edges_stay_whatever_is_asked() {
+        let mut graph = TopologicalGraph::new(1, 4);
+        let task = task("a", &["done"]);
+        let line: Vec<Vec<f32>> = (0..6).map(|i| vec![i as f32]).collect();
+        let a = add_demonstration(&mut graph, &task, "x", &line, &[5]);
+        let learned = Edge::predicted(EdgeKind::Learned, &[0.9, 0.05, 0.05, 0.0]);
+        for (from, to) in [(0, 2), (0, 3), (1, 3), (4, 1)] {
+            graph.add_edge(a[from], a[to], learned.clone());
+        }
+        let strictest = PruneOptions {
+            min_probability: 1.0,
+            max_out_edges: Some(0),
+            min_support: 2,
+        };
+        let pruned = prune(&graph, &strictest);
+        assert_eq!(pruned.edge_count(), 5);
+        assert!(pruned.edges().all(|(_, _, e)| e.kind == EdgeKind::Temporal));
+        assert!(a.windows(2).all(|ab| pruned.edge(ab[0], ab[1]).is_some()));
+        assert_eq!(left_out(&graph, &strictest).len(), 4);
+        assert!(left_out(&graph, &PruneOptions::default()).is_empty());
     }
 }

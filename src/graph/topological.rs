@@ -2,7 +2,7 @@ use petgraph::graph::{DiGraph, NodeIndex};
 use petgraph::visit::EdgeRef;
 
 use super::{Edge, EdgeKind, Node, NodeId};
-use crate::model::Latents;
+use crate::model::{Latents, temper};
 
 /// Nodes, the latents of their states, and directed edges between them.
 ///
@@ -70,6 +70,19 @@ impl TopologicalGraph {
             }
         }
         None
+    }
+
+    /// The same states with the probabilities of all predicted edges at another temperature; see
+    /// [`temper`]. Which edges there are and their most probable steps stay.
+    #[must_use]
+    pub fn tempered(&self, exponent: f32) -> Self {
+        let mut tempered = self.clone();
+        for edge in tempered.graph.edge_weights_mut() {
+            if edge.kind != EdgeKind::Temporal {
+                temper(&mut edge.probabilities, exponent);
+            }
+        }
+        tempered
     }
 
     /// Number of traversability classes.

@@ -110,7 +110,7 @@ impl Traversability for Model {
             logits.len(),
         )?;
         for row in logits.chunks_exact_mut(d_max) {
-            softmax(row, self.manifest.temperature);
+            softmax(row, self.temperature);
         }
         Ok(StepDistributions::new(d_max, logits))
     }

@@ -11,6 +11,7 @@ use crate::model::{
 /// A trained model, ready to run: the encoder, the traversability function and the local policy.
 pub struct Model {
     engine: &'static Engine,
+    pub(super) temperature: f32,
     pub(super) manifest: ModelManifest,
     pub(super) encoder: Network,
     pub(super) projection: Network,
@@ -43,6 +44,7 @@ impl Model {
         };
         let model = Self {
             engine,
+            temperature: manifest.temperature,
             encoder: network("the encoder", ENCODER_FILE)?,
             projection: network("the projection", PROJECTION_FILE)?,
             traversability: network("the traversability function", TRAVERSABILITY_FILE)?,
@@ -52,6 +54,27 @@ impl Model {
         model.check_names(folder)?;
         model.check_widths(folder)?;
         Ok(model)
+    }
+
+    /// The same model with its traversability at another temperature; 1 is without calibration. Its digest
+    /// stays, since the files are the same.
+    ///
+    /// # Panics
+    /// If the temperature is not above 0 and finite.
+    #[must_use]
+    pub fn at_temperature(mut self, temperature: f32) -> Self {
+        assert!(
+            temperature > 0.0 && temperature.is_finite(),
+            "a temperature of {temperature}"
+        );
+        self.temperature = temperature;
+        self
+    }
+
+    /// What the traversability logits are divided by: the manifest's temperature unless another was set.
+    #[must_use]
+    pub fn temperature(&self) -> f32 {
+        self.temperature
     }
 
     /// What the model's folder says of it.

@@ -152,8 +152,11 @@ fn best_edge(planner: &Planner, is_reached: &[bool]) -> Option<Gap> {
             continue;
         }
         for (a, b) in planner.layout.joined(&planner.graph, from, to, edge) {
-            let Err(rejection) = road(&planner.layout, &planner.options, (a, b), edge) else {
-                continue;
+            let is_left_out = planner.left_out.contains(&(from, to));
+            let rejection = match road(&planner.layout, &planner.options, (a, b), edge) {
+                Err(rejection) => rejection,
+                Ok(_) if is_left_out => Rejection::LeftOut,
+                Ok(_) => continue,
             };
             if is_reached[a.index()] && planner.costs.cost(b).is_some() {
                 let gap = Gap::Edge {
@@ -173,6 +176,7 @@ fn best_edge(planner: &Planner, is_reached: &[bool]) -> Option<Gap> {
 fn reason(rejection: Rejection) -> &'static str {
     match rejection {
         Rejection::Kind => "learned edges are switched off",
+        Rejection::LeftOut => "predicted_edges leaves it out",
         Rejection::Price => "disconnected is its most probable class",
         Rejection::Leap => "it leads further ahead than forward_leap_steps allows",
     }

@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::EdgeCost;
+use crate::graph::PruneOptions;
 
 /// What a plan may do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -43,6 +44,9 @@ pub struct PlannerOptions {
     pub cost: EdgeCost,
     /// Which edges a plan may use.
     pub edges: EdgeChoice,
+    /// Which predicted edges a plan may use, of those that [`edges`](Self::edges) allows; by default
+    /// all. Temporal edges always stay.
+    pub predicted_edges: PruneOptions,
     /// Where a plan joins the graph.
     pub join: Join,
     /// How many steps further along the composition a predicted edge may lead than it takes, in the
@@ -63,6 +67,7 @@ impl Default for PlannerOptions {
             search: Search::InOrder,
             cost: EdgeCost::RiskAverse { lambda: 3.0 },
             edges: EdgeChoice::TemporalOnly,
+            predicted_edges: PruneOptions::default(),
             join: Join::Believed,
             forward_leap_steps: Some(3),
             min_live_probability: 0.1,
@@ -80,6 +85,7 @@ impl PlannerOptions {
             search: Search::Unconstrained,
             cost: EdgeCost::Argmax,
             edges: EdgeChoice::All,
+            predicted_edges: PruneOptions::default(),
             join: Join::Cheapest,
             forward_leap_steps: None,
             min_live_probability: 0.0,

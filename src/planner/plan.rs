@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 
 use super::choice::final_places;
@@ -8,7 +8,7 @@ use super::{
     Audit, CostToGo, FilterOptions, FinalChoice, Layout, NoPath, PlaceId, PlannerError,
     PlannerOptions, Search, StageFilter, audit,
 };
-use crate::graph::{NodeId, TopologicalGraph};
+use crate::graph::{NodeId, TopologicalGraph, left_out};
 use crate::task::Automaton;
 
 /// A route to a final state.
@@ -67,6 +67,8 @@ pub struct Planner {
     pub(super) automaton: Automaton,
     pub(super) layout: Layout,
     pub(super) options: PlannerOptions,
+    /// Predicted edges that the options leave out.
+    pub(super) left_out: HashSet<(NodeId, NodeId)>,
     pub(super) roads: Roads,
     pub(super) costs: CostToGo,
     finals: Vec<PlaceId>,
@@ -89,13 +91,15 @@ impl Planner {
     ) -> Result<Self, PlannerError> {
         let layout = Layout::new(&graph, automaton, options.search)?;
         let finals = final_places(&graph, automaton, &layout, final_choice)?;
-        let roads = Roads::new(&graph, &layout, &options);
+        let left_out = left_out(&graph, &options.predicted_edges);
+        let roads = Roads::new(&graph, &layout, &options, &left_out);
         let costs = CostToGo::new(&roads, &finals);
         let mut planner = Self {
             graph,
             automaton: automaton.clone(),
             layout,
             options,
+            left_out,
             roads,
             costs,
             finals,
@@ -144,6 +148,17 @@ impl Planner {
     #[must_use]
     pub fn costs(&self) -> &CostToGo {
         &self.costs
+    }
+
+    /// Whether a plan may go straight from one state to another, at any occurrence of their tasks.
+    ///
+    /// # Panics
+    /// If a node is not in the graph.
+    #[must_use]
+    pub fn may_use(&self, from: NodeId, to: NodeId) -> bool {
+        let is_end = |place: u32| self.layout.place(PlaceId(place)).node == to;
+        let mut starts = self.layout.places_of(from);
+        starts.any(|p| self.roads.outgoing(p.index()).iter().any(|r| is_end(r.to)))
     }
 
     /// The states at which plans end.

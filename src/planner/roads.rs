@@ -1,5 +1,7 @@
+use std::collections::HashSet;
+
 use super::{EdgeChoice, Layout, PlaceId, PlannerOptions};
-use crate::graph::{Edge, EdgeKind, TopologicalGraph};
+use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph};
 
 /// A way between two places.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,6 +31,8 @@ pub(super) struct Roads {
 pub(super) enum Rejection {
     /// Learned edges were not asked for.
     Kind,
+    /// It is too improbable, has no support, or is one too many of its state.
+    LeftOut,
     /// The cost knows no price for it.
     Price,
     /// It leads too far ahead for its steps.
@@ -36,9 +40,15 @@ pub(super) enum Rejection {
 }
 
 impl Roads {
-    pub(super) fn new(graph: &TopologicalGraph, layout: &Layout, options: &PlannerOptions) -> Self {
+    pub(super) fn new(
+        graph: &TopologicalGraph,
+        layout: &Layout,
+        options: &PlannerOptions,
+        left_out: &HashSet<(NodeId, NodeId)>,
+    ) -> Self {
         let mut roads = Vec::new();
-        for (from, to, edge) in graph.edges() {
+        let edges = graph.edges();
+        for (from, to, edge) in edges.filter(|(from, to, _)| !left_out.contains(&(*from, *to))) {
             for (a, b) in layout.joined(graph, from, to, edge) {
                 roads.extend(road(layout, options, (a, b), edge).ok());
             }

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use catena::composer::{
-    Composition, Diagnostics, Rendering, Source, compose, compose_named, compose_source, load_task,
+    Calibration, Composition, Diagnostics, Rendering, Source, compose, compose_named,
+    compose_source, load_task,
 };
 use catena::planner::PlannerOptions;
 
@@ -52,6 +53,9 @@ fn summary(composition: &Composition) -> String {
         writeln!(text, "planner of the paper").unwrap();
     } else {
         writeln!(text, "{:#?}", c.planner).unwrap();
+    }
+    if c.calibration != Calibration::default() {
+        writeln!(text, "calibration {:?}", c.calibration).unwrap();
     }
     if let Some(environment) = &c.environment {
         let settings = serde_json::Value::Object(environment.settings.clone());

@@ -75,6 +75,46 @@ fn wormhole_is_a_shortcut_that_only_the_unconstrained_plan_takes() {
 }
 
 #[test]
+fn an_edge_without_support_is_planned_only_where_that_is_allowed() {
+    let graph = with_wormhole();
+    let alone = (node_at(&graph, "a0", 1), node_at(&graph, "a1", 19));
+    let takes_it = |min_support| {
+        let options = PlannerOptions {
+            predicted_edges: PruneOptions {
+                min_support,
+                ..PruneOptions::default()
+            },
+            ..PlannerOptions::paper()
+        };
+        let planner = planner(&graph, options);
+        let plan = planner.plan_from(alone.0).expect("a way");
+        assert_eq!(planner.may_use(alone.0, alone.1), plan.route[1] == alone.1);
+        plan.route[1] == alone.1
+    };
+    assert!(takes_it(0));
+    assert!(!takes_it(1));
+}
+
+#[test]
+fn a_seam_that_the_options_leave_out_is_named() {
+    let options = PlannerOptions {
+        predicted_edges: PruneOptions {
+            min_probability: 0.99,
+            ..PruneOptions::default()
+        },
+        ..PlannerOptions::default()
+    };
+    let why = planner(&Arc::new(merged()), options)
+        .plan_from_start()
+        .unwrap_err();
+    assert_eq!(why.cut_off, tasks()[1].subgoals);
+    assert!(
+        why.to_string().contains("predicted_edges leaves it out"),
+        "{why}"
+    );
+}
+
+#[test]
 fn edges_that_claim_to_gain_much_are_suspects() {
     let graph = with_wormhole();
     let found = suspects(&graph, &tasks(), 10.0);

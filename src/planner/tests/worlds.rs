@@ -6,7 +6,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::graph::fakes::{add_demonstration, task};
-use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph};
+use crate::graph::{Edge, EdgeKind, NodeId, PruneOptions, TopologicalGraph};
 use crate::planner::{
     EdgeChoice, EdgeCost, Join, LiveDistances, Localisation, PlannerOptions, Search,
 };
@@ -119,6 +119,7 @@ pub(super) fn free_options(rng: &mut ChaCha8Rng, search: Search) -> PlannerOptio
         search,
         cost: costs[rng.random_range(0..3)],
         edges: [EdgeChoice::All, EdgeChoice::TemporalOnly][rng.random_range(0..2)],
+        predicted_edges: PruneOptions::default(),
         forward_leap_steps: None,
         min_live_probability: 0.0,
         join: Join::Cheapest,

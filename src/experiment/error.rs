@@ -1,0 +1,60 @@
+use thiserror::Error;
+
+use crate::graph::GraphError;
+use crate::model::ModelError;
+use crate::planner::PlannerError;
+
+/// Why a measurement could not be made.
+#[derive(Debug, Error)]
+pub enum ExperimentError {
+    /// A recording of another robot than the simulated one, or of another action space.
+    #[error(
+        "the recording '{recording}' cannot be replayed: its actions are not the bedroom's primitives"
+    )]
+    ActionsOfAnotherRobot {
+        /// The recording.
+        recording: String,
+    },
+    /// A recording of a task that the bedroom does not know.
+    #[error("the recording '{recording}' cannot be replayed: the bedroom has no task '{task}'")]
+    TaskOfAnotherWorld {
+        /// The recording.
+        recording: String,
+        /// Its task.
+        task: String,
+    },
+    /// A recording that does not say which episode it is of.
+    #[error("the recording '{recording}' cannot be replayed: its metadata has no seed")]
+    SeedMissing {
+        /// The recording.
+        recording: String,
+    },
+    /// The simulator shows something else than what was recorded.
+    #[error(
+        "the recording '{recording}' is not of this bedroom: at step {step} the replayed pictures differ from the \
+         recorded ones by {difference:.1} of 255 levels on average; record it again with this version"
+    )]
+    ReplayDiffers {
+        /// The recording.
+        recording: String,
+        /// The first step at which they differ.
+        step: usize,
+        /// Mean difference of the channels of all pixels, in levels of 0..=255.
+        difference: f64,
+    },
+    /// States without a replay.
+    #[error("the graph has a state of '{demonstration}', of which there is no replay")]
+    NotReplayed {
+        /// The demonstration.
+        demonstration: String,
+    },
+    /// A graph could not be built or merged.
+    #[error(transparent)]
+    Graph(#[from] GraphError),
+    /// The model gives no answer.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The composition does not fit the graph.
+    #[error(transparent)]
+    Planner(#[from] PlannerError),
+}
