@@ -9,11 +9,11 @@ use std::sync::OnceLock;
 
 use catena::graph::{
     BuildOptions, ConnectionEmbedding, Edge, JoinedEdges, Node, NodeId, PairCandidates,
-    TopologicalGraph, score_pairs,
+    ScoringReport, TopologicalGraph, score_pairs,
 };
 use catena::inference::{EngineChoice, Model};
 use catena::model::{Latents, Projections, Traversability};
-use catena::storage::load_graph;
+use catena::storage::{BuildFolder, GraphManifest, load_graph};
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use rand::{Rng, SeedableRng};
@@ -24,7 +24,7 @@ const STEPS: usize = 70;
 /// Noise on latents, as a share of their root mean square.
 const NOISE: f32 = 0.01;
 /// Candidates of each state on the largest graph.
-const NEAREST: usize = 64;
+const NEAREST: usize = 32;
 
 fn main() {
     divan::main();
@@ -141,15 +141,34 @@ fn candidates_of_6300_states(bencher: Bencher) {
     score(bencher, 6300, candidates);
 }
 
-/// Takes minutes, and some gigabytes for the edges, which are kept in memory here.
+/// Takes minutes, and some gigabytes of memory and of temporary files: the states and the edges of each part
+/// are kept in files, and the graph is put together from them, as `catena graph build` does.
 #[divan::bench(sample_count = 1, sample_size = 1)]
-fn candidates_of_1000000_states(bencher: Bencher) {
+fn candidates_of_1000000_states_by_way_of_files(bencher: Bencher) {
     let count = 1_000_000;
-    let candidates = PairCandidates::Nearest {
-        share: NEAREST as f64 / count as f64,
-        sample: ConnectionEmbedding::SAMPLE_SHARE,
+    let options = BuildOptions {
+        candidates: PairCandidates::Nearest {
+            share: NEAREST as f64 / count as f64,
+            sample: ConnectionEmbedding::SAMPLE_SHARE,
+        },
+        ..BuildOptions::default()
     };
-    score(bencher, count, candidates);
+    let graph = states(count);
+    model();
+    let place = tempfile::tempdir().expect("a temporary folder");
+    bencher.bench_local(|| {
+        let manifest = GraphManifest::new(&[], "model", "states", serde_json::Value::Null);
+        let target = place.path().join("graph");
+        let mut folder =
+            BuildFolder::open(&target, &manifest, options.part_pairs).expect("the folder is empty");
+        folder.keep_states(&graph).expect("there is room");
+        let report = score_pairs(&graph, model(), &options, &mut folder, &|_| ())
+            .expect("there is room for the edges");
+        let saved = folder
+            .finish(&graph, &manifest, std::iter::empty())
+            .expect("there is room for the graph");
+        tell(count, &report, saved.edge_count);
+    });
 }
 
 fn score(bencher: Bencher, count: usize, candidates: PairCandidates) {
@@ -163,16 +182,19 @@ fn score(bencher: Bencher, count: usize, candidates: PairCandidates) {
         let mut edges = JoinedEdges::new();
         let report = score_pairs(&graph, model(), &options, &mut edges, &|_| ())
             .expect("memory holds everything");
-        eprintln!(
-            "{count} states: {} of {} pairs scored, {} edges, recall {:?}, at most {} MiB",
-            report.scored_pairs,
-            report.all_pairs,
-            edges.len(),
-            report.recall,
-            most_memory_mib().map_or_else(|| "?".to_owned(), |mib| format!("{mib:.0}"))
-        );
+        tell(count, &report, edges.len());
         edges
     });
+}
+
+fn tell(count: usize, report: &ScoringReport, edges: usize) {
+    eprintln!(
+        "{count} states: {} of {} pairs scored, {edges} edges, recall {:?}, at most {} MiB",
+        report.scored_pairs,
+        report.all_pairs,
+        report.recall,
+        most_memory_mib().map_or_else(|| "?".to_owned(), |mib| format!("{mib:.0}"))
+    );
 }
 
 /// The most memory that the process ever held, on systems with `/proc`.

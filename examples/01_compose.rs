@@ -23,15 +23,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         .iter()
         .map(|task| Ok(load_graph(&task.graph)?.0))
         .collect::<Result<Vec<_>, Box<dyn Error>>>()?;
-    let order: Vec<&str> = composition
-        .automaton
-        .tasks()
-        .iter()
-        .map(String::as_str)
-        .collect();
+    let follows: Vec<(&str, &str)> = composition.orders.follows().into_iter().collect();
     let merged = merge(
         &graphs.iter().collect::<Vec<_>>(),
-        &order,
+        &follows,
         &model,
         &MergeOptions::default(),
         &|_| {},

@@ -21,6 +21,7 @@ mod diagnostic;
 mod diagnostics;
 mod environment_config;
 mod nearest;
+mod order_spec;
 mod planner_spec;
 mod reader;
 mod resolved_task;

@@ -4,11 +4,13 @@ mod automaton;
 mod detection;
 mod error;
 mod gripper;
+mod order;
 
 pub use automaton::{Automaton, Transition};
 pub use detection::{Occurrence, SubgoalDetection, SubgoalRule, locate_subgoals};
 pub use error::TaskError;
 pub use gripper::{GripperEvent, GripperSignal};
+pub use order::{Order, OrderAutomaton, OrderTooLarge, OrderTransition};
 
 use serde::{Deserialize, Serialize};
 

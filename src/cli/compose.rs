@@ -13,6 +13,8 @@ use crate::planner::{Audit, Plan, Planner};
 pub(super) struct PlanReport {
     name: String,
     tasks: Vec<String>,
+    /// How many orders of tasks the composition allows.
+    orders: u64,
     subgoals: Vec<String>,
     steps: u32,
     cost: f64,
@@ -52,6 +54,7 @@ pub(super) fn plan(loaded: &Loaded) -> Result<Planned, CliError> {
     let report = PlanReport {
         name: loaded.composition.name.clone(),
         tasks: automaton.tasks().to_vec(),
+        orders: loaded.composition.orders.way_count(),
         subgoals: automaton
             .subgoals()
             .iter()
@@ -104,6 +107,25 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
         "plan: {} steps to the final state {}",
         report.steps, report.final_state
     );
+    if report.orders > 1 {
+        let left_out: Vec<&str> = loaded
+            .composition
+            .other_tasks
+            .iter()
+            .map(|t| t.task.name.as_str())
+            .collect();
+        let _ = writeln!(
+            text,
+            "order: {}, the cheapest of {}{}",
+            report.tasks.join(", "),
+            report.orders,
+            if left_out.is_empty() {
+                String::new()
+            } else {
+                format!("; not done: {}", left_out.join(", "))
+            }
+        );
+    }
     let mut task = "";
     for (i, node) in planned.plan.route.iter().enumerate() {
         let node = graph.node(*node);

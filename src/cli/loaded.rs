@@ -86,11 +86,13 @@ pub(super) struct Loaded {
 
 impl Loaded {
     /// Reads a composition or a task, its model and graphs, and merges the graphs.
+    ///
+    /// Of several orders it takes the cheapest; where none connects, the first, whose plan says why.
     pub(super) fn load(name_or_path: &str, arguments: &Arguments) -> Result<Self, CliError> {
-        let composition = compose_named(name_or_path, &arguments.root)?;
+        let mut composition = compose_named(name_or_path, &arguments.root)?;
         composition.check_files()?;
         let model = load_model(&composition, arguments)?;
-        let folders: Vec<PathBuf> = composition.tasks.iter().map(|t| t.graph.clone()).collect();
+        let folders: Vec<PathBuf> = composition.all_tasks().map(|t| t.graph.clone()).collect();
         let mut loaded = GraphFolders::load(&folders, &model)?;
         let exponent = model.manifest().temperature / model.temperature();
         if composition.calibration == Calibration::None {
@@ -105,6 +107,9 @@ impl Loaded {
         let bar = progress::bar("merging", 0);
         let merged = merge_all(&loaded.graphs, &composition, &model, &bar)?;
         bar.finish_and_clear();
+        if composition.orders.way_count() > 1 {
+            composition.settle(&merged.0)?;
+        }
         composition.check_against(&merged.0)?;
         Ok(Self {
             composition,
@@ -187,7 +192,8 @@ pub(super) fn load_model(
     })
 }
 
-fn merge_all(
+/// The graphs of a composition's tasks in one.
+pub(super) fn merge_all(
     graphs: &[TopologicalGraph],
     composition: &Composition,
     model: &Model,
@@ -196,14 +202,15 @@ fn merge_all(
     if let [graph] = graphs {
         return Ok((graph.clone(), MergeReport::default()));
     }
-    let order: Vec<&str> = composition
-        .automaton
-        .tasks()
-        .iter()
-        .map(String::as_str)
-        .collect();
     let graphs: Vec<&TopologicalGraph> = graphs.iter().collect();
-    let merged = merge(&graphs, &order, model, &merge_options(), &|p| show(bar, p))?;
+    let known: Vec<&str> = graphs.iter().flat_map(|graph| graph.tasks()).collect();
+    let follows = composition.orders.follows().into_iter();
+    let follows: Vec<(&str, &str)> = follows
+        .filter(|(from, to)| known.contains(from) && known.contains(to))
+        .collect();
+    let merged = merge(&graphs, &follows, model, &merge_options(), &|p| {
+        show(bar, p)
+    })?;
     Ok((merged.graph, merged.report))
 }
 

@@ -5,12 +5,12 @@ use rayon::prelude::*;
 
 use super::arguments::{Arguments, GraphTrustArguments};
 use super::error::CliError;
-use super::loaded::{merge_options, show};
+use super::loaded::{merge_all, show};
 use super::progress;
 use super::record::BEDROOM_NOTE;
-use crate::composer::{Calibration, Composition, ResolvedTask, compose_named};
+use crate::composer::{Calibration, ResolvedTask, compose_named};
 use crate::experiment::{EdgeOptions, EdgeTrust, EdgeTrustInput, ExperimentError, Replay};
-use crate::graph::{BuildOptions, TopologicalGraph, build, merge};
+use crate::graph::{BuildOptions, TopologicalGraph, build};
 use crate::inference::Model;
 use crate::storage::load_demonstrations;
 use crate::task::locate_subgoals;
@@ -43,7 +43,9 @@ pub(super) fn trust(
         graphs.push(graph);
         replays.extend(more);
     }
-    let graph = merged(&graphs, &composition, &model)?;
+    let bar = progress::bar("merging", 0);
+    let (graph, _) = merge_all(&graphs, &composition, &model, &bar)?;
+    bar.finish_and_clear();
     composition.check_against(&graph)?;
     let is_calibrated = composition.calibration == Calibration::Temperature;
     let trust = EdgeTrust::new(&EdgeTrustInput {
@@ -104,25 +106,4 @@ fn replayed_graph(
     let built = build(&set, &subgoals, model, model, &options, &|p| show(&bar, p))?;
     bar.finish_and_clear();
     Ok((built.graph, replays))
-}
-
-/// One graph of all tasks, in the order of the composition.
-fn merged(
-    graphs: &[TopologicalGraph],
-    composition: &Composition,
-    model: &Model,
-) -> Result<TopologicalGraph, CliError> {
-    if let [graph] = graphs {
-        return Ok(graph.clone());
-    }
-    let order: Vec<&str> = composition
-        .tasks
-        .iter()
-        .map(|t| t.task.name.as_str())
-        .collect();
-    let graphs: Vec<&TopologicalGraph> = graphs.iter().collect();
-    let bar = progress::bar("merging", 0);
-    let merged = merge(&graphs, &order, model, &merge_options(), &|p| show(&bar, p))?;
-    bar.finish_and_clear();
-    Ok(merged.graph)
 }

@@ -9,6 +9,7 @@ use super::environment_config::EnvironmentConfig;
 use super::reader::name_fault;
 use super::resolved_task::ResolvedTask;
 use crate::planner::{FinalChoice, PlannerOptions};
+use crate::task::Order;
 
 /// Makes a [`Composition`] in Rust, with the same checks as of a file.
 ///
@@ -56,6 +57,13 @@ impl CompositionBuilder {
     pub fn task(mut self, task: ResolvedTask) -> Self {
         self.spec.tasks.push(task.spec.name.clone());
         self.tasks.push(task);
+        self
+    }
+
+    /// In which orders the tasks may be done; by default in that in which they were added.
+    #[must_use]
+    pub fn order(mut self, order: Order) -> Self {
+        self.spec.order = Some(order);
         self
     }
 
@@ -123,6 +131,12 @@ impl CompositionBuilder {
             faults.add(Diagnostic::error(format!(
                 "composition '{name}' has no tasks"
             )));
+        }
+        let named = self.spec.order.iter().flat_map(Order::tasks);
+        let is_unknown = |name: &&str| self.tasks.iter().all(|t| t.task.name != *name);
+        for name in named.filter(is_unknown) {
+            let message = format!("the order names task '{name}', which was not added");
+            faults.add(Diagnostic::error(message));
         }
         let steps = self.spec.limits.value.steps;
         if !(1..=Limits::MAX_STEPS).contains(&steps) {

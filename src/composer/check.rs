@@ -24,15 +24,15 @@ impl Composition {
             }
         };
         let model = self.model.display();
-        for task in &self.tasks {
+        for task in self.all_tasks() {
             let name = &task.task.name;
             let help = format!("build it: catena graph build tasks/{name}.yaml --model {model}");
             let origin = task.spec.graph.origin.as_ref();
             check(&task.graph, format!("the graph of '{name}'"), origin, help);
         }
         let written = self.spec.model.as_ref();
-        let written = written.or_else(|| self.tasks.iter().find_map(|t| t.spec.model.as_ref()));
-        let folders: Vec<_> = self.tasks.iter().flat_map(|t| &t.demonstrations).collect();
+        let written = written.or_else(|| self.all_tasks().find_map(|t| t.spec.model.as_ref()));
+        let folders: Vec<_> = self.all_tasks().flat_map(|t| &t.demonstrations).collect();
         let folders: Vec<_> = folders.iter().map(|d| d.display().to_string()).collect();
         let help = format!("train it: catena train {} --out {model}", folders.join(" "));
         let origin = written.and_then(|m| m.origin.as_ref());
@@ -47,7 +47,7 @@ impl Composition {
     /// state that no demonstration has, at the line that names it.
     pub fn check_against(&self, graph: &TopologicalGraph) -> Result<(), Diagnostics> {
         let mut faults = Faults::default();
-        for task in &self.tasks {
+        for task in self.all_tasks() {
             let nodes = graph.nodes().map(|(_, n)| n);
             let nodes: Vec<&Node> = nodes.filter(|n| n.task == task.task.name).collect();
             if nodes.is_empty() {

@@ -7,8 +7,9 @@ use super::environment_config::EnvironmentConfig;
 use super::reader::name_fault;
 use super::resolved_task::ResolvedTask;
 use super::source::{Located, printable};
-use crate::planner::{FinalChoice, PlannerOptions};
-use crate::task::{Automaton, Task};
+use crate::graph::TopologicalGraph;
+use crate::planner::{FinalChoice, PlannerError, PlannerOptions, SettledOrder, settle_order};
+use crate::task::{Automaton, Order, OrderAutomaton, Task};
 
 /// Steps of a run of one task: twice those of a long demonstration.
 const SINGLE_TASK_STEPS: u32 = 200;
@@ -21,10 +22,15 @@ pub struct Composition {
     pub name: String,
     /// One sentence for people.
     pub description: Option<String>,
-    /// The tasks in the order in which they are to be done; never empty, none twice.
+    /// The tasks in the order in which they are to be done; never empty, none twice. Where several orders
+    /// are allowed it is the first of them until [`settle`](Self::settle) finds the cheapest.
     pub tasks: Vec<ResolvedTask>,
-    /// All subgoals of all tasks in order.
+    /// All subgoals of these tasks in order.
     pub automaton: Automaton,
+    /// All orders that are allowed.
+    pub orders: OrderAutomaton,
+    /// Tasks that are only done in other orders.
+    pub other_tasks: Vec<ResolvedTask>,
     /// Folder of the model.
     pub model: PathBuf,
     /// Which end state of the last task the run leads to.
@@ -80,7 +86,10 @@ impl Composition {
         faults: &mut Faults,
     ) -> Option<Self> {
         spec.check_repeats(faults);
-        spec.check_final_task(faults);
+        let orders = spec.orders(faults);
+        if let Some(orders) = &orders {
+            spec.check_final_task(orders, faults);
+        }
         let name = spec.checked_name(file_name, faults);
         let tasks: Vec<ResolvedTask> = tasks.into_iter().collect::<Option<_>>()?;
         spec.check_steps(&tasks, faults);
@@ -88,6 +97,9 @@ impl Composition {
         if faults.error_count() > 0 {
             return None;
         }
+        let orders = orders?;
+        let first = spec.first_order(&orders)?;
+        let (tasks, other_tasks) = in_order(tasks, &first);
         let plain: Vec<Task> = tasks.iter().map(|t| t.task.clone()).collect();
         let first_environment = tasks.first()?.environment.clone();
         Some(Self {
@@ -103,8 +115,40 @@ impl Composition {
             environment: spec.environment.clone().or(first_environment),
             warnings: Vec::new(),
             tasks,
+            orders,
+            other_tasks,
             spec,
         })
+    }
+
+    /// All tasks that it names, those of the present order first.
+    pub fn all_tasks(&self) -> impl Iterator<Item = &ResolvedTask> {
+        self.tasks.iter().chain(&self.other_tasks)
+    }
+
+    /// Takes the cheapest of the allowed orders on a graph, usually the merged one; see
+    /// [`settle_order`]. `None`, and nothing changes, where no order connects.
+    ///
+    /// # Errors
+    /// [`PlannerError::UnknownTask`] for a task that the graph lacks.
+    pub fn settle(
+        &mut self,
+        graph: &TopologicalGraph,
+    ) -> Result<Option<SettledOrder>, PlannerError> {
+        let plain: Vec<Task> = self.all_tasks().map(|t| t.task.clone()).collect();
+        let final_task = self.spec.final_task.as_ref().map(|t| t.value.as_str());
+        let how = (&self.final_choice, &self.planner);
+        let settled = settle_order(graph, &self.orders, &plain, final_task, how)?;
+        if let Some(settled) = &settled {
+            let mut all = std::mem::take(&mut self.tasks);
+            all.append(&mut self.other_tasks);
+            (self.tasks, self.other_tasks) = in_order(all, &settled.tasks);
+            let plain: Vec<Task> = self.tasks.iter().map(|t| t.task.clone()).collect();
+            self.automaton = Automaton::in_order(&plain);
+            let first = self.tasks.first().and_then(|t| t.environment.clone());
+            self.environment = self.spec.environment.clone().or(first);
+        }
+        Ok(settled)
     }
 
     /// The composition with its warnings, unless there are errors.
@@ -135,21 +179,48 @@ impl CompositionSpec {
         }
     }
 
-    fn check_final_task(&self, faults: &mut Faults) {
-        let (Some(task), Some(last)) = (&self.final_task, self.tasks.last()) else {
+    /// All orders that are allowed.
+    fn orders(&self, faults: &mut Faults) -> Option<OrderAutomaton> {
+        let names = || self.tasks.iter().map(|t| Order::Task(t.value.clone()));
+        let order = self.order.clone();
+        let order = order.unwrap_or_else(|| Order::InOrder(names().collect()));
+        OrderAutomaton::new(&order)
+            .map_err(|e| {
+                let first = self.tasks.first().and_then(|t| t.origin.as_ref());
+                let fault = Diagnostic::error("'do' allows too many orders").at_any(first);
+                faults.add(fault.help(e.to_string()));
+            })
+            .ok()
+    }
+
+    /// The first of the orders that end as they are to.
+    fn first_order(&self, orders: &OrderAutomaton) -> Option<Vec<String>> {
+        const LOOKED_AT: usize = 1024;
+        let ends_well = |order: &&Vec<String>| match (&self.final_task, order.last()) {
+            (Some(task), Some(last)) => task.value == *last,
+            (_, last) => last.is_some(),
+        };
+        let all = orders.orders(LOOKED_AT);
+        all.iter().find(ends_well).or(all.first()).cloned()
+    }
+
+    fn check_final_task(&self, orders: &OrderAutomaton, faults: &mut Faults) {
+        let (Some(task), Some(mentioned)) = (&self.final_task, self.tasks.last()) else {
             return;
         };
-        if task.value != last.value {
+        let last = orders.last_tasks();
+        if !last.contains(task.value.as_str()) {
             let message = format!(
                 "the final state is to be one of '{}', which is not the last task",
                 task.value
             );
-            faults.add(
-                Diagnostic::error(message)
-                    .at_any(task.origin.as_ref())
-                    .second(last.origin.as_ref(), "the last task")
-                    .help(format!("write 'of: {}', or leave 'of' out", last.value)),
-            );
+            let mut fault = Diagnostic::error(message).at_any(task.origin.as_ref());
+            if last.len() == 1 {
+                fault = fault.second(mentioned.origin.as_ref(), "the last task");
+            }
+            let last: Vec<&str> = last.into_iter().collect();
+            let help = format!("write 'of: {}', or leave 'of' out", last.join("' or 'of: "));
+            faults.add(fault.help(help));
         }
     }
 
@@ -224,4 +295,18 @@ impl CompositionSpec {
         }
         Some((*model).clone())
     }
+}
+
+/// The tasks of an order, and the others as they were.
+fn in_order(
+    mut tasks: Vec<ResolvedTask>,
+    order: &[String],
+) -> (Vec<ResolvedTask>, Vec<ResolvedTask>) {
+    let mut ordered = Vec::with_capacity(order.len());
+    for name in order {
+        if let Some(at) = tasks.iter().position(|t| t.task.name == *name) {
+            ordered.push(tasks.remove(at));
+        }
+    }
+    (ordered, tasks)
 }

@@ -1,11 +1,13 @@
 use std::path::PathBuf;
 
 use super::environment_config::EnvironmentConfig;
+use super::order_spec::read_order;
 use super::planner_spec::read_planner;
-use super::reader::{Fields, Reader};
+use super::reader::Reader;
 use super::source::Located;
 use super::yaml::{Node, Value};
 use crate::planner::{FinalChoice, PlannerOptions};
+use crate::task::Order;
 
 /// Keys of a composition's file, in the order in which they are best written.
 pub(super) const COMPOSITION_KEYS: &[&str] = &[
@@ -75,8 +77,10 @@ pub struct CompositionSpec {
     pub model: Option<Located<PathBuf>>,
     /// The simulated world to start in.
     pub environment: Option<EnvironmentConfig>,
-    /// Names of tasks in order.
+    /// Names of the tasks as they are mentioned.
     pub tasks: Vec<Located<String>>,
+    /// In which orders they may be done; `None`: in the one in which they are mentioned.
+    pub order: Option<Order>,
     /// The task whose end is the end of all.
     pub final_task: Option<Located<String>>,
     /// Which end state of it is chosen.
@@ -99,6 +103,7 @@ impl Default for CompositionSpec {
             model: None,
             environment: None,
             tasks: Vec::new(),
+            order: None,
             final_task: None,
             final_choice: FinalChoice::default().into(),
             on_shortcut: OnShortcut::default(),
@@ -125,9 +130,9 @@ impl CompositionSpec {
             environment: fields
                 .value("environment")
                 .and_then(|n| EnvironmentConfig::read(n, reader)),
-            tasks: read_tasks(&fields, reader),
             ..Self::default()
         };
+        spec.order = read_order(&fields, &mut spec.tasks, reader);
         if let Some(node) = fields.value("final_state") {
             spec.read_final_state(node, reader);
         }
@@ -183,16 +188,6 @@ impl CompositionSpec {
             self.limits = reader.located(node, Limits { steps });
         }
     }
-}
-
-fn read_tasks(fields: &Fields<'_>, reader: &mut Reader<'_>) -> Vec<Located<String>> {
-    let help = "list the tasks to do, in order: 'do: [sock, trash]'";
-    let items = reader
-        .required(fields, "do", help)
-        .and_then(|n| reader.list(n, "do"))
-        .unwrap_or_default();
-    let name = |n| reader.name(n, "the name of a task");
-    items.iter().filter_map(name).collect()
 }
 
 /// `cheapest`, `nearest` or `{demonstration: id}`.

@@ -87,7 +87,7 @@ pub enum GraphError {
         /// The task.
         task: String,
     },
-    /// The order names a task that no graph shows.
+    /// A pair of tasks that follow each other names one that no graph shows.
     #[error("the order names task '{task}', the graphs have: {known}")]
     UnknownTask {
         /// The task that was named.

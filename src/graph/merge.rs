@@ -77,35 +77,32 @@ const NEAR_MISSES: usize = 10;
 /// predicts a way from a state of one task to a state of another (Fu & Finn, section IV,
 /// "Experience Chaining").
 ///
-/// `order` names the tasks as they follow each other in a composition, and says which seams there
-/// are; a task may come twice. Empty means the order of `graphs`.
+/// `follows` says which task may come right after which, and so which seams there are. Empty means the
+/// order of `graphs`.
 ///
 /// # Errors
 /// [`GraphError::NothingToMerge`], [`GraphError::NoStates`], [`GraphError::TaskTwice`] and [`GraphError::UnknownTask`] for
-/// graphs and an order that make no sense, [`GraphError::DMaxDiffers`] and
+/// graphs and pairs of tasks that make no sense, [`GraphError::DMaxDiffers`] and
 /// [`GraphError::LatentLengthDiffers`] for graphs of different models, [`GraphError::Model`] when the
 /// model gives no answer.
 pub fn merge(
     graphs: &[&TopologicalGraph],
-    order: &[&str],
+    follows: &[(&str, &str)],
     traversability: &(dyn Traversability + Sync),
     options: &MergeOptions,
     progress: ProgressFn<'_>,
 ) -> Result<Merged, GraphError> {
-    check(graphs, order, traversability)?;
+    check(graphs, follows, traversability)?;
     let mut graph = join(graphs);
     let tasks: Vec<String> = graph.tasks().into_iter().map(str::to_owned).collect();
-    let default_order: Vec<&str> = tasks.iter().map(String::as_str).collect();
-    let order = if order.is_empty() {
-        &default_order[..]
+    let seams: BTreeSet<(usize, usize)> = if follows.is_empty() {
+        (1..tasks.len()).map(|next| (next - 1, next)).collect()
     } else {
-        order
+        let pairs = follows.iter().filter(|(from, to)| from != to);
+        pairs
+            .map(|(from, to)| (task_index(&tasks, from), task_index(&tasks, to)))
+            .collect()
     };
-    let seams: BTreeSet<(usize, usize)> = order
-        .windows(2)
-        .filter(|w| w[0] != w[1])
-        .map(|w| (task_index(&tasks, w[0]), task_index(&tasks, w[1])))
-        .collect();
     let work = Work {
         candidates: Candidates::new(&graph, &tasks, seams),
         options,
@@ -120,12 +117,12 @@ fn task_index(tasks: &[String], name: &str) -> usize {
     tasks
         .iter()
         .position(|t| t == name)
-        .expect("the order was checked")
+        .expect("the names were checked")
 }
 
 fn check(
     graphs: &[&TopologicalGraph],
-    order: &[&str],
+    follows: &[(&str, &str)],
     traversability: &(dyn Traversability + Sync),
 ) -> Result<(), GraphError> {
     let first = graphs.first().ok_or(GraphError::NothingToMerge)?;
@@ -143,7 +140,8 @@ fn check(
             tasks.push(task);
         }
     }
-    match order.iter().find(|t| !tasks.contains(*t)) {
+    let named = follows.iter().flat_map(|(from, to)| [from, to]);
+    match named.into_iter().find(|t| !tasks.contains(*t)) {
         Some(task) => Err(GraphError::UnknownTask {
             task: (*task).to_owned(),
             known: tasks.join(", "),

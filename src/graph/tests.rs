@@ -313,8 +313,8 @@ fn merging_what_does_not_belong_together_is_refused() {
     let (a, _) = two_tasks();
     let oracle = Oracle::new(D_MAX, forward);
     let options = MergeOptions::default();
-    let refused = |graphs: &[&TopologicalGraph], order: &[&str]| {
-        merge(graphs, order, &oracle, &options, &silent).unwrap_err()
+    let refused = |graphs: &[&TopologicalGraph], follows: &[(&str, &str)]| {
+        merge(graphs, follows, &oracle, &options, &silent).unwrap_err()
     };
     assert_eq!(refused(&[], &[]), GraphError::NothingToMerge);
     assert_eq!(
@@ -324,7 +324,7 @@ fn merging_what_does_not_belong_together_is_refused() {
         }
     );
     assert!(matches!(
-        refused(&[&a], &["a", "c"]),
+        refused(&[&a], &[("a", "c")]),
         GraphError::UnknownTask { .. }
     ));
     let mut other = TopologicalGraph::new(4, D_MAX);

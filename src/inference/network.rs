@@ -143,7 +143,11 @@ where
         .into_par_iter()
         .map(|i| compute(i * batch..((i + 1) * batch).min(count)))
         .collect::<Result<_, _>>()?;
-    let mut joined = [const { Vec::new() }; N];
+    // Room for all of it at once: what grows step by step holds twice as much in between.
+    let mut joined: [Vec<f32>; N] = std::array::from_fn(|output| {
+        let lengths = parts.iter().map(|part| part[output].len());
+        Vec::with_capacity(lengths.sum())
+    });
     for part in parts {
         for (all, more) in joined.iter_mut().zip(part) {
             all.extend(more);

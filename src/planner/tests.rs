@@ -2,6 +2,7 @@
 
 mod corridor;
 mod following;
+mod orders;
 mod reference;
 mod routes;
 mod worlds;

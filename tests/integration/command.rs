@@ -184,6 +184,19 @@ fn the_shipped_chain_is_planned_without_a_shortcut() {
 }
 
 #[test]
+fn any_order_finds_the_order_in_which_the_shipped_tasks_connect() {
+    let plan = |file: &str| -> serde_json::Value {
+        serde_json::from_str(&succeeded(&["compose", file, "--json"])).expect("JSON")
+    };
+    let found = plan("tasks/sequences/tidy_any_order.yaml");
+    assert_eq!(found["orders"], 6);
+    assert_eq!(found["tasks"], serde_json::json!(["sock", "trash", "wine"]));
+    let written = plan("tasks/sequences/tidy_room.yaml");
+    assert_eq!(written["orders"], 1);
+    assert_eq!(found["route"], written["route"]);
+}
+
+#[test]
 fn a_run_leaves_its_files() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("short_run.yaml");

@@ -1,0 +1,86 @@
+//! `do:` as written: a list of tasks, and containers of tasks within it.
+
+use super::reader::{Fields, Reader};
+use super::source::Located;
+use super::yaml::{Node, Value};
+use crate::task::Order;
+
+/// Keys of a container.
+const CONTAINERS: &[&str] = &["in_order", "any_order", "choice", "optional"];
+
+/// Reads `do:`; every task that it names goes to `tasks` as well.
+pub(super) fn read_order(
+    fields: &Fields<'_>,
+    tasks: &mut Vec<Located<String>>,
+    reader: &mut Reader<'_>,
+) -> Option<Order> {
+    let help = "list the tasks to do, in order: 'do: [sock, trash]'";
+    let node = reader.required(fields, "do", help)?;
+    if matches!(node.value, Value::Map(_)) {
+        return read_part(node, tasks, reader);
+    }
+    read_parts(node, "do", tasks, reader).map(Order::InOrder)
+}
+
+fn read_parts(
+    node: &Node,
+    what: &str,
+    tasks: &mut Vec<Located<String>>,
+    reader: &mut Reader<'_>,
+) -> Option<Vec<Order>> {
+    let items = reader.list(node, what)?;
+    let parts: Vec<Option<Order>> = items
+        .iter()
+        .map(|item| read_part(item, tasks, reader))
+        .collect();
+    parts.into_iter().collect()
+}
+
+/// A task, a container, or a list of parts to be done in order.
+fn read_part(
+    node: &Node,
+    tasks: &mut Vec<Located<String>>,
+    reader: &mut Reader<'_>,
+) -> Option<Order> {
+    match &node.value {
+        Value::List(_) => read_parts(node, "a list of tasks", tasks, reader).map(Order::InOrder),
+        Value::Map(_) => read_container(node, tasks, reader),
+        _ => {
+            let name = reader.name(node, "the name of a task")?;
+            tasks.push(name.clone());
+            Some(Order::Task(name.value))
+        }
+    }
+}
+
+fn read_container(
+    node: &Node,
+    tasks: &mut Vec<Located<String>>,
+    reader: &mut Reader<'_>,
+) -> Option<Order> {
+    let fields = reader.fields(node, "a container of tasks", CONTAINERS)?;
+    let given: Vec<(&str, &Node)> = CONTAINERS
+        .iter()
+        .filter_map(|key| Some((*key, fields.value(key)?)))
+        .collect();
+    let [(key, value)] = given[..] else {
+        // Unknown keys were reported.
+        if !given.is_empty() || matches!(&node.value, Value::Map(entries) if entries.is_empty()) {
+            reader.ambiguous(
+                node,
+                "a container of tasks has one key",
+                "begin a new item of the list for each: '- any_order: [trash, wine]'",
+            );
+        }
+        return None;
+    };
+    match key {
+        "optional" => {
+            let part = read_part(value, tasks, reader)?;
+            Some(Order::Optional(Box::new(part)))
+        }
+        "any_order" => read_parts(value, key, tasks, reader).map(Order::AnyOrder),
+        "choice" => read_parts(value, key, tasks, reader).map(Order::Choice),
+        _ => read_parts(value, key, tasks, reader).map(Order::InOrder),
+    }
+}

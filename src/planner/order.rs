@@ -1,0 +1,307 @@
+use std::collections::BTreeMap;
+
+use super::roads::{Road, Roads};
+use super::timeline::Timeline;
+use super::{CostToGo, EdgeChoice, FinalChoice, PlaceId, PlannerError, PlannerOptions};
+use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph, left_out};
+use crate::task::{OrderAutomaton, Task};
+
+/// What leaving an optional part out costs, in steps: more than any way through it.
+const LEFT_OUT_COST: f64 = 1e6;
+
+/// The cheapest of the orders that an [`OrderAutomaton`] allows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SettledOrder {
+    /// The tasks in that order.
+    pub tasks: Vec<String>,
+    /// How many optional parts are left out.
+    pub left_out: usize,
+    /// What the cheapest plan in that order costs.
+    pub cost: f64,
+    /// Its predicted time steps.
+    pub steps: u32,
+}
+
+/// Which order of tasks is cheapest, from the start of any demonstration of its first task to an end of its
+/// last one: one search over the product of graph and automaton, in which each transition has its own
+/// copy of its task's states. Optional parts are done wherever a way leads through them.
+///
+/// `tasks` are those of the automaton with their subgoals, `final_task` the one whose end is to be the end
+/// of all. The plan in the settled order is [`Planner::plan_from_start`](super::Planner::plan_from_start)'s,
+/// with the same options; `None` where no order connects.
+///
+/// # Errors
+/// [`PlannerError::UnknownTask`] for a task of the automaton that the graph or `tasks` lack.
+pub fn settle_order(
+    graph: &TopologicalGraph,
+    automaton: &OrderAutomaton,
+    tasks: &[Task],
+    final_task: Option<&str>,
+    (choice, options): (&FinalChoice, &PlannerOptions),
+) -> Result<Option<SettledOrder>, PlannerError> {
+    let product = Product::new(graph, automaton, tasks)?;
+    let roads = product.roads(final_task, choice, options);
+    let costs = CostToGo::new(&roads, &[product.goal()]);
+    let Some(total) = costs.cost(product.start()) else {
+        return Ok(None);
+    };
+    let mut settled = SettledOrder {
+        tasks: Vec::new(),
+        left_out: (total / LEFT_OUT_COST) as usize,
+        cost: total % LEFT_OUT_COST,
+        steps: 0,
+    };
+    let (mut here, mut last) = (product.start(), None);
+    while let Some(road) = costs.next(&roads, here) {
+        settled.steps += road.steps;
+        here = PlaceId(road.to);
+        let occurrence = product.occurrence_of(here);
+        if occurrence.is_some() && occurrence != last {
+            settled
+                .tasks
+                .extend(occurrence.map(|o| product.occurrences[o].task.name.clone()));
+            last = occurrence;
+        }
+    }
+    Ok((!settled.tasks.is_empty()).then_some(settled))
+}
+
+/// A transition of the automaton with a copy of its task's states.
+struct Occurrence<'a> {
+    task: &'a Task,
+    /// The number of its first place.
+    first: u32,
+    /// The automaton's state after it.
+    to: usize,
+}
+
+/// Graph and automaton together: the places of each occurrence, then one start and one goal.
+struct Product<'a> {
+    graph: &'a TopologicalGraph,
+    automaton: &'a OrderAutomaton,
+    occurrences: Vec<Occurrence<'a>>,
+    timelines: BTreeMap<&'a str, Timeline>,
+    /// For each node, its number among those of its task.
+    ranks: Vec<u32>,
+    places: u32,
+}
+
+impl<'a> Product<'a> {
+    fn new(
+        graph: &'a TopologicalGraph,
+        automaton: &'a OrderAutomaton,
+        tasks: &'a [Task],
+    ) -> Result<Self, PlannerError> {
+        let mut product = Self {
+            graph,
+            automaton,
+            occurrences: Vec::new(),
+            timelines: BTreeMap::new(),
+            ranks: vec![0; graph.node_count()],
+            places: 0,
+        };
+        let known = graph.tasks();
+        for transition in automaton.transitions() {
+            let Some(name) = &transition.task else {
+                continue;
+            };
+            let task = tasks.iter().find(|t| t.name == *name);
+            let Some(task) = task.filter(|t| known.contains(&t.name.as_str())) else {
+                return Err(PlannerError::UnknownTask {
+                    task: name.clone(),
+                    known: known.join(", "),
+                });
+            };
+            let timeline = product
+                .timelines
+                .entry(&task.name)
+                .or_insert_with(|| Timeline::new(graph, &task.name));
+            for (rank, node) in timeline.time_steps.keys().enumerate() {
+                product.ranks[node.index()] = rank as u32;
+            }
+            let count = timeline.time_steps.len() as u32;
+            product.occurrences.push(Occurrence {
+                task,
+                first: product.places,
+                to: transition.to,
+            });
+            product.places += count;
+        }
+        Ok(product)
+    }
+
+    fn start(&self) -> PlaceId {
+        PlaceId(self.places)
+    }
+
+    fn goal(&self) -> PlaceId {
+        PlaceId(self.places + 1)
+    }
+
+    fn occurrence_of(&self, place: PlaceId) -> Option<usize> {
+        let after = self.occurrences.partition_point(|o| o.first <= place.0);
+        (place.0 < self.places).then(|| after - 1)
+    }
+
+    fn place(&self, occurrence: usize, node: NodeId) -> u32 {
+        self.occurrences[occurrence].first + self.ranks[node.index()]
+    }
+
+    /// The occurrences that may come next at a state of the automaton, with how many optional parts are
+    /// left out on the way; `None` stands for the end.
+    fn next(&self, state: usize) -> Vec<(Option<usize>, usize)> {
+        let mut next = Vec::new();
+        for (state, skips) in self.automaton.skipped_to(state) {
+            if state == self.automaton.last_state() {
+                next.push((None, skips));
+            }
+            let mut occurrence = 0;
+            for transition in self.automaton.transitions() {
+                if transition.task.is_none() {
+                    continue;
+                }
+                if transition.from == state {
+                    next.push((Some(occurrence), skips));
+                }
+                occurrence += 1;
+            }
+        }
+        next
+    }
+
+    fn roads(
+        &self,
+        final_task: Option<&str>,
+        choice: &FinalChoice,
+        options: &PlannerOptions,
+    ) -> Roads {
+        let mut roads = Vec::new();
+        for (next, skips) in self.next(0) {
+            if let Some(occurrence) = next {
+                let task = &self.occurrences[occurrence].task.name;
+                let starts = self.timelines[task.as_str()].time_steps.keys();
+                let starts = starts.filter(|node| self.graph.node(**node).step == 0);
+                roads.extend(
+                    starts.map(|node| {
+                        self.link(self.start().0, self.place(occurrence, *node), skips)
+                    }),
+                );
+            }
+        }
+        let left_out = left_out(self.graph, &options.predicted_edges);
+        let following: Vec<_> = self.occurrences.iter().map(|o| self.next(o.to)).collect();
+        for (from, to, edge) in self.graph.edges() {
+            let is_kept = !left_out.contains(&(from, to))
+                && !(options.edges == EdgeChoice::TemporalOnly && edge.kind == EdgeKind::Learned);
+            let price = options.cost.price_edge(edge).filter(|_| is_kept);
+            let Some(price) = price else { continue };
+            for (here, there, skips) in self.joined(from, to, edge, &following) {
+                let ahead = self.ahead((from, here), (to, there));
+                let is_leap = edge.kind != EdgeKind::Temporal
+                    && options
+                        .forward_leap_steps
+                        .is_some_and(|slack| ahead > (price.steps + slack) as f32);
+                if is_leap {
+                    continue;
+                }
+                let cost = price.cost + skips as f64 * LEFT_OUT_COST;
+                roads.push(Road {
+                    from: self.place(here, from),
+                    to: self.place(there, to),
+                    cost,
+                    price: cost,
+                    steps: price.steps,
+                    kind: edge.kind,
+                });
+            }
+        }
+        for (occurrence, next) in following.iter().enumerate() {
+            let end = next.iter().find(|(next, _)| next.is_none());
+            let task = self.occurrences[occurrence].task;
+            let Some((_, skips)) = end.filter(|_| final_task.is_none_or(|t| t == task.name)) else {
+                continue;
+            };
+            for node in self.timelines[task.name.as_str()].time_steps.keys() {
+                if self.is_final(*node, task, choice) {
+                    roads.push(self.link(self.place(occurrence, *node), self.goal().0, *skips));
+                }
+            }
+        }
+        Roads::from_roads(self.places as usize + 2, roads)
+    }
+
+    /// A way that takes no time: into the first task, or out of the last one.
+    fn link(&self, from: u32, to: u32, skips: usize) -> Road {
+        let cost = skips as f64 * LEFT_OUT_COST;
+        Road {
+            from,
+            to,
+            cost,
+            price: cost,
+            steps: 0,
+            kind: EdgeKind::CrossTask,
+        }
+    }
+
+    fn is_final(&self, node: NodeId, task: &Task, choice: &FinalChoice) -> bool {
+        let node = self.graph.node(node);
+        let is_chosen = match choice {
+            FinalChoice::Demonstration(id) => node.trajectory == *id,
+            FinalChoice::Cheapest | FinalChoice::Nearest => true,
+        };
+        node.is_end && node.progress as usize >= task.subgoals.len() && is_chosen
+    }
+
+    /// The occurrences between which an edge may be planned, and how many optional parts that leaves out:
+    /// within a task it keeps the subgoals or reaches those that are due, and it leads into another one
+    /// when all subgoals are reached.
+    fn joined(
+        &self,
+        from: NodeId,
+        to: NodeId,
+        edge: &Edge,
+        following: &[Vec<(Option<usize>, usize)>],
+    ) -> Vec<(usize, usize, usize)> {
+        let (left, entered) = (self.graph.node(from), self.graph.node(to));
+        let mut joined = Vec::new();
+        for (here, occurrence) in self.occurrences.iter().enumerate() {
+            if occurrence.task.name != left.task {
+                continue;
+            }
+            let reaches = |there: usize, before: usize| {
+                let due = self.occurrences[there].task.subgoals.iter();
+                let due = due.take(entered.progress as usize).skip(before);
+                entered.progress as usize >= before
+                    && due.clone().all(|s| entered.reached.contains(s))
+            };
+            if left.task == entered.task && reaches(here, left.progress as usize) {
+                joined.push((here, here, 0));
+            }
+            let is_done = left.progress as usize >= occurrence.task.subgoals.len();
+            if edge.kind != EdgeKind::Temporal && is_done {
+                for (there, skips) in &following[here] {
+                    let fits = |t: &usize| self.occurrences[*t].task.name == entered.task;
+                    if let Some(there) = there.filter(|t| fits(t) && reaches(*t, 0)) {
+                        joined.push((here, there, *skips));
+                    }
+                }
+            }
+        }
+        joined
+    }
+
+    /// How much later a state is than another one, in the time of typical demonstrations.
+    fn ahead(&self, from: (NodeId, usize), to: (NodeId, usize)) -> f32 {
+        let timeline = |occurrence: usize| {
+            let task = &self.occurrences[occurrence].task.name;
+            &self.timelines[task.as_str()]
+        };
+        let time = |(node, occurrence): (NodeId, usize)| timeline(occurrence).time_steps[&node];
+        let rest = if from.1 == to.1 {
+            0.0
+        } else {
+            timeline(from.1).length_steps
+        };
+        rest + time(to) - time(from)
+    }
+}

@@ -1,0 +1,113 @@
+//! The cheapest of several orders, against planning in each of them.
+
+use proptest::prelude::*;
+use rand::Rng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+
+use super::worlds::{World, free_options, random_world};
+use crate::planner::{FinalChoice, Planner, PlannerOptions, Search, settle_order};
+use crate::task::{Automaton, Order, OrderAutomaton, Task};
+
+/// The tasks of a world, in some order of theirs that may leave things open.
+fn random_order(tasks: &[Task], rng: &mut ChaCha8Rng) -> Order {
+    let mut parts: Vec<Order> = tasks.iter().map(|t| Order::Task(t.name.clone())).collect();
+    parts.shuffle(rng);
+    for part in &mut parts {
+        if rng.random_bool(0.3) {
+            *part = Order::Optional(Box::new(part.clone()));
+        }
+    }
+    let last = parts.pop().expect("a world has a task");
+    match rng.random_range(0..4) {
+        _ if parts.is_empty() => last,
+        0 => Order::AnyOrder(vec![Order::InOrder(parts), last]),
+        1 => Order::Choice(vec![Order::AnyOrder(parts), last]),
+        2 => Order::InOrder(vec![Order::Choice(parts), last]),
+        _ => {
+            parts.push(last);
+            Order::AnyOrder(parts)
+        }
+    }
+}
+
+/// All ways through an automaton: the tasks, and how many optional parts are left out.
+fn ways(automaton: &OrderAutomaton, state: usize) -> Vec<(Vec<String>, usize)> {
+    if state == automaton.last_state() {
+        return vec![(Vec::new(), 0)];
+    }
+    let leaving = automaton.transitions().iter().filter(|t| t.from == state);
+    leaving
+        .flat_map(|transition| {
+            let rest = ways(automaton, transition.to).into_iter();
+            rest.map(move |(mut tasks, skips)| match &transition.task {
+                Some(task) => {
+                    tasks.insert(0, task.clone());
+                    (tasks, skips)
+                }
+                None => (tasks, skips + 1),
+            })
+        })
+        .collect()
+}
+
+/// What the cheapest plan costs that does these tasks in this order.
+fn cost_in_order(
+    world: &World,
+    tasks: &[Task],
+    order: &[String],
+    options: &PlannerOptions,
+) -> Option<f64> {
+    let of = |name: &String| tasks.iter().find(|t| t.name == *name).cloned();
+    let order: Vec<Task> = order.iter().filter_map(of).collect();
+    let automaton = Automaton::in_order(&order);
+    let planner = Planner::new(
+        world.graph.clone(),
+        &automaton,
+        &FinalChoice::Cheapest,
+        options.clone(),
+    );
+    Some(planner.ok()?.plan_from_start().ok()?.cost)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(3_000))]
+
+    #[test]
+    fn settled_order_is_the_cheapest_of_all(seed: u64) {
+        let mut world = random_world(seed, false);
+        let mut options = free_options(&mut world.rng, Search::InOrder);
+        options.forward_leap_steps = world.rng.random_bool(0.5).then_some(3);
+        let tasks: Vec<Task> = world
+            .automaton
+            .tasks()
+            .iter()
+            .map(|name| Task {
+                name: name.clone(),
+                subgoals: world.automaton.subgoals().iter().filter(|s| s.task == *name).cloned().collect(),
+            })
+            .collect();
+        let order = random_order(&tasks, &mut world.rng);
+        let automaton = OrderAutomaton::new(&order).expect("it is small");
+        let settled = settle_order(
+            &world.graph, &automaton, &tasks, None, (&FinalChoice::Cheapest, &options),
+        ).expect("the graph has all tasks");
+        let best = ways(&automaton, 0)
+            .into_iter()
+            .filter(|(order, _)| !order.is_empty())
+            .filter_map(|(order, skips)| {
+                Some((skips, cost_in_order(&world, &tasks, &order, &options)?))
+            })
+            .min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        match (settled, best) {
+            (None, None) => {}
+            (Some(settled), Some((skips, cost))) => {
+                prop_assert_eq!(settled.left_out, skips);
+                prop_assert!((settled.cost - cost).abs() < 1e-6, "{:?} for {}", settled, cost);
+                let own = cost_in_order(&world, &tasks, &settled.tasks, &options);
+                prop_assert!(own.is_some_and(|own| (own - cost).abs() < 1e-6));
+            }
+            (settled, best) => prop_assert!(false, "{settled:?} and {best:?} of {order:?}"),
+        }
+    }
+}
