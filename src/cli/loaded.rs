@@ -209,7 +209,7 @@ pub(super) fn merge_all(
         .filter(|(from, to)| known.contains(from) && known.contains(to))
         .collect();
     let merged = merge(&graphs, &follows, model, &merge_options(), &|p| {
-        show(bar, p)
+        show(bar, p);
     })?;
     Ok((merged.graph, merged.report))
 }

@@ -182,18 +182,16 @@ impl<'a> Product<'a> {
                 let starts = self.timelines[task.as_str()].time_steps.keys();
                 let starts = starts.filter(|node| self.graph.node(**node).step == 0);
                 roads.extend(
-                    starts.map(|node| {
-                        self.link(self.start().0, self.place(occurrence, *node), skips)
-                    }),
+                    starts.map(|node| link(self.start().0, self.place(occurrence, *node), skips)),
                 );
             }
         }
         let left_out = left_out(self.graph, &options.predicted_edges);
         let following: Vec<_> = self.occurrences.iter().map(|o| self.next(o.to)).collect();
         for (from, to, edge) in self.graph.edges() {
-            let is_kept = !left_out.contains(&(from, to))
-                && !(options.edges == EdgeChoice::TemporalOnly && edge.kind == EdgeKind::Learned);
-            let price = options.cost.price_edge(edge).filter(|_| is_kept);
+            let is_left_out = left_out.contains(&(from, to))
+                || (options.edges == EdgeChoice::TemporalOnly && edge.kind == EdgeKind::Learned);
+            let price = options.cost.price_edge(edge).filter(|_| !is_left_out);
             let Some(price) = price else { continue };
             for (here, there, skips) in self.joined(from, to, edge, &following) {
                 let ahead = self.ahead((from, here), (to, there));
@@ -223,24 +221,11 @@ impl<'a> Product<'a> {
             };
             for node in self.timelines[task.name.as_str()].time_steps.keys() {
                 if self.is_final(*node, task, choice) {
-                    roads.push(self.link(self.place(occurrence, *node), self.goal().0, *skips));
+                    roads.push(link(self.place(occurrence, *node), self.goal().0, *skips));
                 }
             }
         }
         Roads::from_roads(self.places as usize + 2, roads)
-    }
-
-    /// A way that takes no time: into the first task, or out of the last one.
-    fn link(&self, from: u32, to: u32, skips: usize) -> Road {
-        let cost = skips as f64 * LEFT_OUT_COST;
-        Road {
-            from,
-            to,
-            cost,
-            price: cost,
-            steps: 0,
-            kind: EdgeKind::CrossTask,
-        }
     }
 
     fn is_final(&self, node: NodeId, task: &Task, choice: &FinalChoice) -> bool {
@@ -303,5 +288,18 @@ impl<'a> Product<'a> {
             timeline(from.1).length_steps
         };
         rest + time(to) - time(from)
+    }
+}
+
+/// A way that takes no time: into the first task, or out of the last one.
+fn link(from: u32, to: u32, skips: usize) -> Road {
+    let cost = skips as f64 * LEFT_OUT_COST;
+    Road {
+        from,
+        to,
+        cost,
+        price: cost,
+        steps: 0,
+        kind: EdgeKind::CrossTask,
     }
 }

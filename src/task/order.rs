@@ -75,7 +75,7 @@ pub struct OrderAutomaton {
 pub struct OrderTooLarge;
 
 impl OrderAutomaton {
-    /// Most transitions of an automaton: 'any_order' of eight tasks has 1,024.
+    /// Most transitions of an automaton: [`Order::AnyOrder`] of eight tasks has 1,024.
     pub const MOST_TRANSITIONS: usize = 2048;
 
     /// The automaton of an order.

@@ -84,13 +84,11 @@ fn built(candidates: PairCandidates, killed_after: Option<usize>) -> (Vec<Vec<u8
     }
     let mut folder = BuildFolder::open(&target, &manifest, options.part_pairs).expect("opens");
     assert_eq!(folder.kept_parts(), killed_after.unwrap_or(0));
-    let states = match folder.states().expect("what was kept can be read") {
-        Some(kept) => kept,
-        None => {
-            folder.keep_states(&graph).expect("states are kept");
-            graph.clone()
-        }
-    };
+    let kept = folder.states().expect("what was kept can be read");
+    let states = kept.unwrap_or_else(|| {
+        folder.keep_states(&graph).expect("states are kept");
+        graph.clone()
+    });
     let oracle = oracle();
     let report = score_pairs(&states, &oracle, &options, &mut folder, &|_| ()).expect("it scores");
     let asked = oracle.pairs.load(std::sync::atomic::Ordering::Relaxed);
