@@ -19,7 +19,7 @@ pub enum PairCandidates {
     /// All of them, as in the paper.
     #[default]
     All,
-    /// For each state those that a [`ConnectionEmbedding`] holds for most probably connected.
+    /// For each state those that a [`ConnectionEmbedding`](super::ConnectionEmbedding) holds for most probably connected.
     Nearest {
         /// How many, as a share (0..=1) of all states.
         share: f64,
