@@ -1,31 +1,9 @@
 use super::belief::Belief;
 use super::groups::Groups;
 use super::motion::Motion;
-use super::{FilterOptions, Layout, LiveDistances, PlaceId};
+use super::stages::Stages;
+use super::{FilterOptions, Layout, LiveDistances, PlaceId, StageChange};
 use crate::graph::NodeId;
-
-/// What became of the stage in a step.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum StageChange {
-    /// The subgoals up to this stage are reached, each one seen.
-    Advanced {
-        /// The new stage.
-        to: usize,
-    },
-    /// Fewer subgoals hold than before.
-    Regressed {
-        /// The new stage.
-        to: usize,
-    },
-    /// The robot seems to be beyond subgoals that it never reached. The stage stays; set it with
-    /// [`StageFilter::set_stage`] to accept that.
-    Shortcut {
-        /// The stage at which the robot seems to be.
-        to: usize,
-        /// The subgoals that were not seen, as stages at which they are due.
-        skipped: Vec<usize>,
-    },
-}
 
 /// Where in the composition the robot is believed to be.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,17 +47,8 @@ pub struct StageFilter {
     belief: Belief,
     /// The belief before, whose memory the next one takes.
     spare: Belief,
-    stage: usize,
-    votes: Votes,
-    /// For each stage, the largest probability it had since the current stage began.
-    peaks: Vec<f64>,
+    stages: Stages,
     unfit_steps: u32,
-}
-
-#[derive(Clone, Copy, Debug, Default)]
-struct Votes {
-    ahead: u32,
-    behind: u32,
 }
 
 /// How far into the first task the robot may be at the beginning: mean of an exponential.
@@ -90,8 +59,6 @@ const RULED_OUT: f64 = 0.02;
 const POSSIBLE: f64 = 0.02;
 /// Most places that keep a share of their own from one step to the next in a large composition.
 const KEPT_PLACES: usize = 1024;
-/// Probability that a stage must have had once for its subgoal to count as seen.
-const SEEN: f64 = 0.3;
 
 impl StageFilter {
     /// A filter that believes the robot near the start of the first task.
@@ -101,7 +68,7 @@ impl StageFilter {
         let is_exact = layout.places().len() <= options.exact_places;
         let motion = Motion::new(&layout, &groups, &options, is_exact);
         let belief = Belief::new(&groups, layout.places().len());
-        let stages = layout.stage_count();
+        let stages = Stages::new(layout.stage_count());
         let mut filter = Self {
             layout,
             options,
@@ -109,9 +76,7 @@ impl StageFilter {
             motion,
             spare: belief.clone(),
             belief,
-            stage: 0,
-            votes: Votes::default(),
-            peaks: vec![0.0; stages],
+            stages,
             unfit_steps: 0,
         };
         filter.reset();
@@ -163,7 +128,7 @@ impl StageFilter {
     /// How many subgoals are taken to be reached.
     #[must_use]
     pub fn stage(&self) -> usize {
-        self.stage
+        self.stages.now
     }
 
     /// The belief that the robot is at a place, 0..=1; over all places it sums to 1.
@@ -180,7 +145,7 @@ impl StageFilter {
     /// the first.
     #[must_use]
     pub fn most_probable_places(&self, count: usize) -> Vec<(PlaceId, f64)> {
-        let of_stage = |(id, _): &(PlaceId, f64)| self.layout.place(*id).stage == self.stage;
+        let of_stage = |(id, _): &(PlaceId, f64)| self.layout.place(*id).stage == self.stages.now;
         let mut places: Vec<(PlaceId, f64)> = self.belief.listed().filter(of_stage).collect();
         let order =
             |a: &(PlaceId, f64), b: &(PlaceId, f64)| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0));
@@ -208,9 +173,7 @@ impl StageFilter {
             "stage {stage} of {}",
             self.layout.stage_count()
         );
-        self.stage = stage;
-        self.votes = Votes::default();
-        self.peaks.fill(0.0);
+        self.stages.set(stage);
     }
 
     /// One step on: the robot acted, and now sees something at these distances.
@@ -225,7 +188,7 @@ impl StageFilter {
         let change = if is_unfit {
             None
         } else {
-            self.vote(&stage_probabilities)
+            self.stages.vote(&self.options, &stage_probabilities)
         };
         self.unfit_steps = if is_unfit { self.unfit_steps + 1 } else { 0 };
         self.localise(fit, stage_probabilities, change)
@@ -233,7 +196,7 @@ impl StageFilter {
 
     /// The earliest stage that the robot may have fallen back to.
     fn lowest_stage(&self) -> usize {
-        self.stage.saturating_sub(self.options.regress_stages)
+        self.stages.now.saturating_sub(self.options.regress_stages)
     }
 
     fn is_lost(&self) -> bool {
@@ -258,7 +221,7 @@ impl StageFilter {
         if is_lost {
             // Any state of the current stage is as likely as any other: a belief that moved on without
             // evidence would lead a lost robot through the task with closed eyes.
-            let of_stage = |stage: &usize| f64::from(u8::from(*stage == self.stage));
+            let of_stage = |stage: &usize| f64::from(u8::from(*stage == self.stages.now));
             let a_place = groups.stages.iter().map(of_stage);
             let a_place: Vec<f64> = a_place.map(|mass| mass + self.options.restart).collect();
             next.add_evenly(groups, &a_place);
@@ -292,10 +255,10 @@ impl StageFilter {
 
     /// The most probable place of the current stage; of all stages where that one is out of question.
     fn best_place(&self, stage_probabilities: &[f64]) -> PlaceId {
-        let is_possible = stage_probabilities[self.stage] >= POSSIBLE;
+        let is_possible = stage_probabilities[self.stages.now] >= POSSIBLE;
         let mut best: Option<(PlaceId, f64)> = None;
         for (id, mass) in self.belief.listed() {
-            let counts = !is_possible || self.layout.place(id).stage == self.stage;
+            let counts = !is_possible || self.layout.place(id).stage == self.stages.now;
             if counts && best.is_none_or(|(_, b)| mass > b) {
                 best = Some((id, mass));
             }
@@ -303,7 +266,7 @@ impl StageFilter {
         // No place of the stage has a share of its own: any of them is as good as another.
         let first = || {
             let places = self.layout.places().iter();
-            let at = places.take_while(|p| p.stage != self.stage).count();
+            let at = places.take_while(|p| p.stage != self.stages.now).count();
             PlaceId(at.min(self.layout.places().len() - 1) as u32)
         };
         best.map_or_else(first, |(id, _)| id)
@@ -318,43 +281,6 @@ impl StageFilter {
             probabilities[self.groups.stages[group]] += mass;
         }
         probabilities
-    }
-
-    /// Counts this step's votes and changes the stage when they suffice.
-    fn vote(&mut self, probabilities: &[f64]) -> Option<StageChange> {
-        for (peak, p) in self.peaks.iter_mut().zip(probabilities) {
-            *peak = peak.max(*p);
-        }
-        let behind: f64 = probabilities[..self.stage].iter().sum();
-        let ahead: f64 = probabilities[self.stage + 1..].iter().sum();
-        let count = |votes: u32, mass: f64, least: f64| if mass >= least { votes + 1 } else { 0 };
-        self.votes.ahead = count(self.votes.ahead, ahead, self.options.advance_mass);
-        self.votes.behind = count(self.votes.behind, behind, self.options.regress_mass);
-        if self.votes.ahead > 0 && self.votes.ahead >= self.options.advance_votes {
-            let to = self.stage + 1 + most_probable(&probabilities[self.stage + 1..]);
-            return self.advance(to);
-        }
-        let enough = self.options.regress_votes.map(|v| v.max(1));
-        if enough.is_some_and(|votes| self.votes.behind >= votes) {
-            let to = most_probable(&probabilities[..self.stage]);
-            self.set_stage(to);
-            return Some(StageChange::Regressed { to });
-        }
-        None
-    }
-
-    fn advance(&mut self, to: usize) -> Option<StageChange> {
-        let skipped: Vec<usize> = (self.stage..to)
-            .filter(|due| self.peaks[due + 1] < SEEN && due + 1 != to)
-            .collect();
-        if skipped.is_empty() {
-            self.set_stage(to);
-            return Some(StageChange::Advanced { to });
-        }
-        // A stage that is only passed through may still gather its votes: report a shortcut once, and
-        // when it has lasted longer than that takes.
-        let patience = self.options.advance_votes.max(1) * 2;
-        (self.votes.ahead == patience).then_some(StageChange::Shortcut { to, skipped })
     }
 
     /// Mean probability, by belief, that what is seen is connected to where the robot is believed to be.
@@ -376,7 +302,7 @@ impl StageFilter {
         Localisation {
             node: best.node,
             occurrence: best.occurrence,
-            stage: self.stage,
+            stage: self.stages.now,
             time_steps: best.time_steps,
             stage_probabilities,
             entropy_nats: self.belief.entropy(),
@@ -385,17 +311,6 @@ impl StageFilter {
             change,
         }
     }
-}
-
-/// Index of the largest value; the first wins a tie, an empty slice gives 0.
-fn most_probable(values: &[f64]) -> usize {
-    let mut best = 0;
-    for (i, v) in values.iter().enumerate() {
-        if *v > values[best] {
-            best = i;
-        }
-    }
-    best
 }
 
 /// How well the distances from and to a state fit with the robot being at it: both are one step
