@@ -4,6 +4,8 @@
 //! The states are those of the bedroom's graph of `sock`, or copies of them with a little noise on their
 //! latents, cut into trajectories of 70 steps; the network is the bedroom's.
 
+mod memory;
+
 use std::path::Path;
 use std::sync::OnceLock;
 
@@ -189,18 +191,10 @@ fn score(bencher: Bencher, count: usize, candidates: PairCandidates) {
 
 fn tell(count: usize, report: &ScoringReport, edges: usize) {
     eprintln!(
-        "{count} states: {} of {} pairs scored, {edges} edges, recall {:?}, at most {} MiB",
+        "{count} states: {} of {} pairs scored, {edges} edges, recall {:?}, at most {}",
         report.scored_pairs,
         report.all_pairs,
         report.recall,
-        most_memory_mib().map_or_else(|| "?".to_owned(), |mib| format!("{mib:.0}"))
+        memory::peak()
     );
-}
-
-/// The most memory that the process ever held, on systems with `/proc`.
-fn most_memory_mib() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
-    let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib / 1024.0)
 }

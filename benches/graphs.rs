@@ -4,6 +4,8 @@
 //! `cargo bench --bench graphs -- load` only what has `load` in its name. The peak of memory of each stands
 //! below the times; it counts what a benchmark holds beforehand too, such as the graph that is saved.
 
+mod memory;
+
 use std::fs;
 use std::path::Path;
 use std::sync::Mutex;
@@ -43,11 +45,8 @@ fn with_peak(name: &str, run: impl FnOnce()) {
     // Where the peak cannot be reset it is that of the whole process.
     _ = fs::write("/proc/self/clear_refs", "5");
     run();
-    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    let peak = peak.map_or("unknown", str::trim).to_owned();
     let mut peaks = PEAKS.lock().expect("no benchmark panicked");
-    peaks.push((name.to_owned(), peak));
+    peaks.push((name.to_owned(), memory::peak()));
 }
 
 /// A shipped graph copied, with a little noise, until it has 100,000 states.

@@ -32,6 +32,7 @@ pub use edge::{Edge, EdgeKind};
 pub use error::GraphError;
 pub use index::ConnectionIndex;
 pub use learned::LearnedEdges;
+pub(crate) use learned::most_probable_class;
 pub use merge::{MergeOptions, MergeReport, Merged, SeamReport, merge};
 pub use node::{Node, NodeId};
 pub use progress::{GraphPhase, GraphProgress, ProgressFn};

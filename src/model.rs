@@ -19,6 +19,7 @@ pub use manifest::{
 };
 pub use policy::{ActionDistribution, LocalPolicy};
 pub use spec::ModelSpec;
+pub(crate) use temperature::best_temperature;
 pub use temperature::temper;
 pub(crate) use traversability::BLOCK_PAIRS;
 pub use traversability::{Projections, StepDistributions, Traversability, predict_in_blocks};

@@ -7,7 +7,9 @@ use super::arguments::{
 };
 use super::error::CliError;
 use super::gaps::gaps;
-use super::loaded::{GraphFolders, in_folder, merge_options, show as show_progress};
+use super::loaded::{
+    GraphFolders, in_folder, merge_options, read_demonstrations, show as show_progress,
+};
 use super::localise::localise;
 use super::progress;
 use super::trust::trust;
@@ -19,8 +21,8 @@ use crate::graph::{
 use crate::inference::Model;
 use crate::planner::{SuspectEdge, suspects};
 use crate::storage::{
-    BuildFolder, GraphImage, GraphManifest, demonstrations_digest, load_demonstrations, load_graph,
-    load_manifest, save_graph,
+    BuildFolder, GraphImage, GraphManifest, demonstrations_digest, load_graph, load_manifest,
+    save_graph,
 };
 use crate::task::{Subgoal, Task, locate_subgoals};
 use crate::trajectory::DemonstrationSet;
@@ -100,10 +102,7 @@ fn build_graph(
         serde_json::to_value(&options)?,
     );
     let mut folder = BuildFolder::open(&out, &manifest, options.part_pairs)?;
-    let (set, reports) = load_demonstrations(&paths, &task.task.name)?;
-    for report in reports.iter().filter(|r| !r.losses.is_empty()) {
-        eprintln!("warning: {report}");
-    }
+    let (set, _) = read_demonstrations(&paths, &task.task.name)?;
     let set = in_model_space(&set, &model)?;
     let bar = progress::bar("building", 0);
     let show = |p| show_progress(&bar, p);

@@ -14,7 +14,10 @@ use crate::inference::{EngineChoice, Model};
 use crate::planner::{Plan, Planner, PlannerOptions};
 use crate::rollout::{RolloutModel, RolloutOptions};
 use crate::simulator::BedroomConfig;
-use crate::storage::{GraphImages, GraphManifest, ensure_same_model, load_graph};
+use crate::storage::{
+    GraphImages, GraphManifest, RecordingReport, ensure_same_model, load_demonstrations, load_graph,
+};
+use crate::trajectory::DemonstrationSet;
 
 /// How far from the end of one task and the start of the next cross-task edges are looked for.
 const SEAM_WINDOW_STEPS: u32 = 10;
@@ -73,6 +76,19 @@ impl GraphFolders {
         }
         Ok(loaded)
     }
+}
+
+/// The demonstrations of a task in folders, and what is to be said of each recording; what was lost of a
+/// damaged one is told.
+pub(super) fn read_demonstrations(
+    paths: &[PathBuf],
+    task: &str,
+) -> Result<(DemonstrationSet, Vec<RecordingReport>), CliError> {
+    let (set, reports) = load_demonstrations(paths, task)?;
+    for report in reports.iter().filter(|r| !r.losses.is_empty()) {
+        eprintln!("warning: {report}");
+    }
+    Ok((set, reports))
 }
 
 /// A composition with everything that planning and running it needs.

@@ -1,10 +1,9 @@
 use super::arguments::{Arguments, GraphLocaliseArguments};
 use super::error::CliError;
-use super::loaded::Loaded;
+use super::loaded::{Loaded, read_demonstrations};
 use crate::composer::load_task;
 use crate::experiment::LocalisationScore;
 use crate::rollout::Monitor;
-use crate::storage::load_demonstrations;
 use crate::task::locate_subgoals;
 
 /// `catena graph localise`: follows recordings that are not in a task's graph along it.
@@ -15,10 +14,7 @@ pub(super) fn localise(
     let task = load_task(&localise_arguments.task, &arguments.root)?;
     let loaded = Loaded::load(&localise_arguments.task.to_string_lossy(), arguments)?;
     let demos = std::slice::from_ref(&localise_arguments.demos);
-    let (set, reports) = load_demonstrations(demos, &task.task.name)?;
-    for report in reports.iter().filter(|r| !r.losses.is_empty()) {
-        eprintln!("warning: {report}");
-    }
+    let (set, _) = read_demonstrations(demos, &task.task.name)?;
     let recordings = set
         .trajectories()
         .iter()

@@ -5,8 +5,9 @@ use indicatif::ProgressBar;
 
 use super::arguments::TrainArguments;
 use super::error::CliError;
+use super::loaded::read_demonstrations;
 use super::progress;
-use crate::storage::{demonstrations_digest, load_demonstrations};
+use crate::storage::demonstrations_digest;
 use crate::training::{
     Preset, TrainingConfig, TrainingEvent, TrainingObserver, export, train as fit,
 };
@@ -99,10 +100,7 @@ pub(super) fn load_sets(
             .to_string_lossy()
             .into_owned();
         let paths = [folder.clone()];
-        let (set, reports) = load_demonstrations(&paths, &task)?;
-        for report in reports.iter().filter(|r| !r.losses.is_empty()) {
-            eprintln!("warning: {report}");
-        }
+        let (set, _) = read_demonstrations(&paths, &task)?;
         digests.insert(task, demonstrations_digest(&paths)?);
         sets.push(set);
     }

@@ -5,14 +5,13 @@ use rayon::prelude::*;
 
 use super::arguments::{Arguments, GraphTrustArguments};
 use super::error::CliError;
-use super::loaded::{merge_all, show};
+use super::loaded::{merge_all, read_demonstrations, show};
 use super::progress;
 use super::record::BEDROOM_NOTE;
 use crate::composer::{Calibration, ResolvedTask, compose_named};
 use crate::experiment::{EdgeOptions, EdgeTrust, EdgeTrustInput, ExperimentError, Replay};
 use crate::graph::{BuildOptions, TopologicalGraph, build};
 use crate::inference::Model;
-use crate::storage::load_demonstrations;
 use crate::task::locate_subgoals;
 
 /// `catena graph trust`: builds graphs of recordings that the model has not seen, replays the recordings in the
@@ -73,10 +72,7 @@ fn replayed_graph(
     folder: &Path,
     model: &Model,
 ) -> Result<(TopologicalGraph, Vec<Replay>), CliError> {
-    let (set, reports) = load_demonstrations(&[folder.to_owned()], &task.task.name)?;
-    for report in reports.iter().filter(|r| !r.losses.is_empty()) {
-        eprintln!("warning: {report}");
-    }
+    let (set, reports) = read_demonstrations(&[folder.to_owned()], &task.task.name)?;
     let kept: Vec<_> = reports.iter().filter(|r| r.left_out.is_none()).collect();
     let bar = progress::bar("replaying", kept.len() as u64);
     let replays: Vec<Replay> = set

@@ -99,26 +99,41 @@ impl Composition {
         }
         let orders = orders?;
         let first = spec.first_order(&orders)?;
-        let (tasks, other_tasks) = in_order(tasks, &first);
-        let plain: Vec<Task> = tasks.iter().map(|t| t.task.clone()).collect();
-        let first_environment = tasks.first()?.environment.clone();
-        Some(Self {
+        let mut composition = Self {
             name,
             description: spec.description.clone(),
-            automaton: Automaton::in_order(&plain),
+            automaton: Automaton::in_order(&[]),
             model: model?,
             final_choice: spec.final_choice.value.clone(),
             on_shortcut: spec.on_shortcut,
             planner: spec.planner.clone(),
             calibration: spec.calibration,
             limits: spec.limits.value,
-            environment: spec.environment.clone().or(first_environment),
+            environment: None,
             warnings: Vec::new(),
             tasks,
             orders,
-            other_tasks,
+            other_tasks: Vec::new(),
             spec,
-        })
+        };
+        composition.take_order(&first);
+        Some(composition)
+    }
+
+    /// Makes an order, given as names of its tasks, the present one.
+    fn take_order(&mut self, order: &[String]) {
+        let mut others = std::mem::take(&mut self.tasks);
+        others.append(&mut self.other_tasks);
+        for name in order {
+            if let Some(at) = others.iter().position(|t| t.task.name == *name) {
+                self.tasks.push(others.remove(at));
+            }
+        }
+        self.other_tasks = others;
+        let plain: Vec<Task> = self.tasks.iter().map(|t| t.task.clone()).collect();
+        self.automaton = Automaton::in_order(&plain);
+        let first = self.tasks.first().and_then(|t| t.environment.clone());
+        self.environment = self.spec.environment.clone().or(first);
     }
 
     /// All tasks that it names, those of the present order first.
@@ -140,13 +155,7 @@ impl Composition {
         let how = (&self.final_choice, &self.planner);
         let settled = settle_order(graph, &self.orders, &plain, final_task, how)?;
         if let Some(settled) = &settled {
-            let mut all = std::mem::take(&mut self.tasks);
-            all.append(&mut self.other_tasks);
-            (self.tasks, self.other_tasks) = in_order(all, &settled.tasks);
-            let plain: Vec<Task> = self.tasks.iter().map(|t| t.task.clone()).collect();
-            self.automaton = Automaton::in_order(&plain);
-            let first = self.tasks.first().and_then(|t| t.environment.clone());
-            self.environment = self.spec.environment.clone().or(first);
+            self.take_order(&settled.tasks);
         }
         Ok(settled)
     }
@@ -295,18 +304,4 @@ impl CompositionSpec {
         }
         Some((*model).clone())
     }
-}
-
-/// The tasks of an order, and the others as they were.
-fn in_order(
-    mut tasks: Vec<ResolvedTask>,
-    order: &[String],
-) -> (Vec<ResolvedTask>, Vec<ResolvedTask>) {
-    let mut ordered = Vec::with_capacity(order.len());
-    for name in order {
-        if let Some(at) = tasks.iter().position(|t| t.task.name == *name) {
-            ordered.push(tasks.remove(at));
-        }
-    }
-    (ordered, tasks)
 }

@@ -1,10 +1,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Forecast, Reliability};
-use crate::model::temper;
+use crate::graph::most_probable_class;
+use crate::model::{best_temperature, temper};
 
 /// Temperatures among which the best one is looked for.
 const TEMPERATURES: (f64, f64) = (0.2, 20.0);
+const SECTIONS: usize = 20;
 
 /// Which pairs of states are judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -93,24 +95,9 @@ impl CalibrationScore {
             connected_share: if weight > 0.0 { near / weight } else { 0.0 },
             connected: both(JudgedPair::connected),
             class: both(JudgedPair::top_class),
-            best_temperature: best_temperature(&raw),
+            best_temperature: best_temperature(TEMPERATURES, SECTIONS, |t| loss(&raw, t)),
         }
     }
-}
-
-/// By golden sections of the logarithm: the likelihood has one maximum in the inverse temperature.
-fn best_temperature(raw: &[JudgedPair]) -> f64 {
-    let ratio = (5.0_f64.sqrt() - 1.0) / 2.0;
-    let (mut low, mut high) = (TEMPERATURES.0.ln(), TEMPERATURES.1.ln());
-    for _ in 0..20 {
-        let (left, right) = (high - ratio * (high - low), low + ratio * (high - low));
-        if loss(raw, left.exp()) < loss(raw, right.exp()) {
-            high = right;
-        } else {
-            low = left;
-        }
-    }
-    f64::midpoint(low, high).exp()
 }
 
 /// Cross-entropy of the true classes at a temperature.
@@ -144,14 +131,7 @@ impl JudgedPair {
     }
 
     fn top_class(&self) -> Forecast {
-        let best = |best: usize, (class, p): (usize, &f32)| {
-            if *p > self.probabilities[best] {
-                class
-            } else {
-                best
-            }
-        };
-        let top = self.probabilities.iter().enumerate().fold(0, best);
+        let top = most_probable_class(&self.probabilities);
         Forecast {
             confidence: f64::from(self.probabilities[top]),
             is_true: top == self.class,

@@ -16,7 +16,7 @@ use super::{
     WalkScore,
 };
 use crate::graph::{EdgeKind, NodeId, TopologicalGraph};
-use crate::model::{Traversability, predict_in_blocks};
+use crate::model::{Projections, Traversability, predict_in_blocks};
 use crate::planner::FinalChoice;
 use crate::task::Automaton;
 
@@ -139,12 +139,13 @@ fn calibration(
 ) -> Result<Vec<CalibrationScore>, ExperimentError> {
     let graph = &input.graph;
     let (same, other) = labelled_pairs(graph, truth, rng);
+    let projections = input.traversability.project(graph.latents())?;
     let mut scores = Vec::new();
     for (population, pairs) in [
         (Population::SameDemonstration, same),
         (Population::OtherDemonstration, other),
     ] {
-        let judged = ask(graph, input.traversability, &pairs)?;
+        let judged = ask(input.traversability, &projections, &pairs)?;
         scores.push(CalibrationScore::new(
             population,
             &judged,
@@ -175,13 +176,12 @@ fn calibration(
 }
 
 fn ask(
-    graph: &TopologicalGraph,
     traversability: &(dyn Traversability + Sync),
+    projections: &Projections,
     pairs: &[Labelled],
 ) -> Result<Vec<JudgedPair>, ExperimentError> {
-    let projections = traversability.project(graph.latents())?;
     let ends: Vec<(u32, u32)> = pairs.iter().map(|p| p.0).collect();
-    let rows = predict_in_blocks(traversability, &projections, &projections, &ends)?;
+    let rows = predict_in_blocks(traversability, projections, projections, &ends)?;
     let judged = rows.rows().zip(pairs).map(|(row, pair)| JudgedPair {
         probabilities: row.to_vec(),
         class: pair.1,

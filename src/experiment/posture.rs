@@ -1,15 +1,14 @@
 use std::f64::consts::{PI, TAU};
 
-use crate::simulator::{Insight, Primitive, Tool};
+use crate::simulator::{
+    DRIVE_STEP_M, Insight, Primitive, TOOL_STEP_M, TURN_STEP_RAD, Tool, WRIST_STEP_RAD,
+};
 
-/// How far one primitive drives the base, in metres.
-const DRIVE_M: f64 = 0.10;
-/// How far one primitive turns the base.
-const TURN_RAD: f64 = PI / 12.0;
-/// How far one primitive moves the gripper, in metres.
-const TOOL_M: f64 = 0.03;
-/// How far one primitive tilts the wrist.
-const WRIST_RAD: f64 = PI / 6.0;
+/// What one primitive moves: the base ahead and around, the gripper, the wrist.
+const DRIVE_M: f64 = DRIVE_STEP_M as f64;
+const TURN_RAD: f64 = TURN_STEP_RAD as f64;
+const TOOL_M: f64 = TOOL_STEP_M as f64;
+const WRIST_RAD: f64 = WRIST_STEP_RAD as f64;
 /// Turns of the base that come back to the same heading.
 const TURNS: i32 = 24;
 /// More primitives than any two postures in a room need.

@@ -72,7 +72,7 @@ impl Edge {
 }
 
 /// Index of the largest probability; the lowest wins a tie.
-pub(super) fn most_probable_class(probabilities: &[f32]) -> usize {
+pub(crate) fn most_probable_class(probabilities: &[f32]) -> usize {
     let mut best = 0;
     for (class, p) in probabilities.iter().enumerate() {
         if *p > probabilities[best] {

@@ -37,4 +37,10 @@ impl Node {
     pub fn place(&self) -> String {
         format!("{}:{}", self.trajectory, self.step)
     }
+
+    /// Whether all these subgoals are reached at exactly this step.
+    #[must_use]
+    pub fn reaches(&self, due: &[Subgoal]) -> bool {
+        due.iter().all(|due| self.reached.contains(due))
+    }
 }

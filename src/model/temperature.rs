@@ -23,6 +23,26 @@ pub fn temper(probabilities: &mut [f32], exponent: f32) {
     }
 }
 
+/// The temperature within a range at which a loss is least, by golden sections of its logarithm: the
+/// loss has one minimum in the inverse temperature.
+pub(crate) fn best_temperature(
+    (lowest, highest): (f64, f64),
+    sections: usize,
+    loss: impl Fn(f64) -> f64,
+) -> f64 {
+    let ratio = (5.0_f64.sqrt() - 1.0) / 2.0;
+    let (mut low, mut high) = (lowest.ln(), highest.ln());
+    for _ in 0..sections {
+        let (left, right) = (high - ratio * (high - low), low + ratio * (high - low));
+        if loss(left.exp()) < loss(right.exp()) {
+            high = right;
+        } else {
+            low = left;
+        }
+    }
+    f64::midpoint(low, high).exp()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

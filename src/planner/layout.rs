@@ -185,9 +185,9 @@ impl Layout {
         let place = self.place(to);
         self.search == Search::Unconstrained
             || (place.stage >= stage
-                && self.subgoals[stage..place.stage]
-                    .iter()
-                    .all(|due| graph.node(place.node).reached.contains(due)))
+                && graph
+                    .node(place.node)
+                    .reaches(&self.subgoals[stage..place.stage]))
     }
 
     /// The pairs of places that an edge of the graph joins in a plan.

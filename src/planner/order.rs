@@ -1,8 +1,8 @@
 use std::collections::BTreeMap;
 
-use super::roads::{Road, Roads};
+use super::roads::{Road, Roads, road_price};
 use super::timeline::Timeline;
-use super::{CostToGo, EdgeChoice, FinalChoice, PlaceId, PlannerError, PlannerOptions};
+use super::{CostToGo, FinalChoice, PlaceId, PlannerError, PlannerOptions};
 use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph, left_out};
 use crate::task::{OrderAutomaton, Task};
 
@@ -71,7 +71,8 @@ struct Occurrence<'a> {
     task: &'a Task,
     /// The number of its first place.
     first: u32,
-    /// The automaton's state after it.
+    /// The automaton's states before and after it.
+    from: usize,
     to: usize,
 }
 
@@ -123,6 +124,7 @@ impl<'a> Product<'a> {
             product.occurrences.push(Occurrence {
                 task,
                 first: product.places,
+                from: transition.from,
                 to: transition.to,
             });
             product.places += count;
@@ -155,16 +157,9 @@ impl<'a> Product<'a> {
             if state == self.automaton.last_state() {
                 next.push((None, skips));
             }
-            let mut occurrence = 0;
-            for transition in self.automaton.transitions() {
-                if transition.task.is_none() {
-                    continue;
-                }
-                if transition.from == state {
-                    next.push((Some(occurrence), skips));
-                }
-                occurrence += 1;
-            }
+            let starting = self.occurrences.iter().enumerate();
+            let starting = starting.filter(|(_, o)| o.from == state);
+            next.extend(starting.map(|(occurrence, _)| (Some(occurrence), skips)));
         }
         next
     }
@@ -188,20 +183,13 @@ impl<'a> Product<'a> {
         }
         let left_out = left_out(self.graph, &options.predicted_edges);
         let following: Vec<_> = self.occurrences.iter().map(|o| self.next(o.to)).collect();
-        for (from, to, edge) in self.graph.edges() {
-            let is_left_out = left_out.contains(&(from, to))
-                || (options.edges == EdgeChoice::TemporalOnly && edge.kind == EdgeKind::Learned);
-            let price = options.cost.price_edge(edge).filter(|_| !is_left_out);
-            let Some(price) = price else { continue };
+        let edges = self.graph.edges();
+        for (from, to, edge) in edges.filter(|(from, to, _)| !left_out.contains(&(*from, *to))) {
             for (here, there, skips) in self.joined(from, to, edge, &following) {
-                let ahead = self.ahead((from, here), (to, there));
-                let is_leap = edge.kind != EdgeKind::Temporal
-                    && options
-                        .forward_leap_steps
-                        .is_some_and(|slack| ahead > (price.steps + slack) as f32);
-                if is_leap {
+                let ahead = || self.ahead((from, here), (to, there));
+                let Ok(price) = road_price(options, edge, ahead) else {
                     continue;
-                }
+                };
                 let cost = price.cost + skips as f64 * LEFT_OUT_COST;
                 roads.push(Road {
                     from: self.place(here, from),
@@ -254,10 +242,10 @@ impl<'a> Product<'a> {
                 continue;
             }
             let reaches = |there: usize, before: usize| {
-                let due = self.occurrences[there].task.subgoals.iter();
-                let due = due.take(entered.progress as usize).skip(before);
-                entered.progress as usize >= before
-                    && due.clone().all(|s| entered.reached.contains(s))
+                let subgoals = &self.occurrences[there].task.subgoals;
+                let held = |progress: usize| subgoals.len().min(progress);
+                let due = subgoals.get(held(before)..held(entered.progress as usize));
+                due.is_some_and(|due| entered.reaches(due))
             };
             if left.task == entered.task && reaches(here, left.progress as usize) {
                 joined.push((here, here, 0));

@@ -1,6 +1,6 @@
 use std::collections::HashSet;
 
-use super::{EdgeChoice, Layout, PlaceId, PlannerOptions};
+use super::{EdgeChoice, Layout, PlaceId, PlannerOptions, Price};
 use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph};
 
 /// A way between two places.
@@ -105,16 +105,8 @@ pub(super) fn road(
     (from, to): (PlaceId, PlaceId),
     edge: &Edge,
 ) -> Result<Road, Rejection> {
-    if options.edges == EdgeChoice::TemporalOnly && edge.kind == EdgeKind::Learned {
-        return Err(Rejection::Kind);
-    }
-    let price = options.cost.price_edge(edge).ok_or(Rejection::Price)?;
-    if let (Some(slack), true) = (options.forward_leap_steps, edge.kind != EdgeKind::Temporal) {
-        let ahead = layout.place(to).time_steps - layout.place(from).time_steps;
-        if ahead > (price.steps + slack) as f32 {
-            return Err(Rejection::Leap);
-        }
-    }
+    let ahead = || layout.place(to).time_steps - layout.place(from).time_steps;
+    let price = road_price(options, edge, ahead)?;
     Ok(Road {
         from: from.0,
         to: to.0,
@@ -123,6 +115,25 @@ pub(super) fn road(
         steps: price.steps,
         kind: edge.kind,
     })
+}
+
+/// What an edge costs that leads `ahead` steps on in the time of typical demonstrations, or why it is no
+/// road.
+pub(super) fn road_price(
+    options: &PlannerOptions,
+    edge: &Edge,
+    ahead: impl FnOnce() -> f32,
+) -> Result<Price, Rejection> {
+    if options.edges == EdgeChoice::TemporalOnly && edge.kind == EdgeKind::Learned {
+        return Err(Rejection::Kind);
+    }
+    let price = options.cost.price_edge(edge).ok_or(Rejection::Price)?;
+    if let (Some(slack), true) = (options.forward_leap_steps, edge.kind != EdgeKind::Temporal)
+        && ahead() > (price.steps + slack) as f32
+    {
+        return Err(Rejection::Leap);
+    }
+    Ok(price)
 }
 
 /// Where each row begins among sorted keys, and where the last one ends.

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::graph_folder::save_graph_from_parts;
+use super::graph_folder::{read_edges, save_graph_from_parts};
 use super::graph_images::GraphImage;
 use super::replace::write_file;
-use super::tables::{self, EdgeReader, EdgeWriter};
+use super::tables::{self, EdgeWriter};
 use super::{GraphManifest, StorageError};
 use crate::graph::{EdgeKind, EdgeSink, JoinedEdges, TopologicalGraph};
 
@@ -41,7 +41,7 @@ struct Progress {
     manifest: GraphManifest,
     /// Pairs of a part; other parts hold other states.
     part_pairs: u64,
-    /// Whether the states are there, and how long they and their latents are.
+    /// Of which kind the states are, once they are there.
     states: Option<States>,
     parts: BTreeMap<usize, Part>,
 }
@@ -49,7 +49,6 @@ struct Progress {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct States {
-    count: usize,
     latent_dim: usize,
     d_max: usize,
 }
@@ -119,21 +118,12 @@ impl BuildFolder {
     /// # Errors
     /// [`StorageError::Table`] or [`StorageError::Io`] when they cannot be read.
     pub fn states(&self) -> Result<Option<TopologicalGraph>, StorageError> {
-        let Some(States {
-            count,
-            latent_dim,
-            d_max,
-        }) = self.progress.states
-        else {
+        let Some(States { latent_dim, d_max }) = self.progress.states else {
             return Ok(None);
         };
         let mut graph = TopologicalGraph::new(latent_dim, d_max);
         tables::read_nodes(&self.folder.join(STATES), &mut graph)?;
-        for edges in EdgeReader::open(&self.folder.join(TEMPORAL), count, d_max)? {
-            for (from, to, edge) in edges? {
-                graph.push_edge(from, to, edge);
-            }
-        }
+        read_edges(&self.folder.join(TEMPORAL), &mut graph)?;
         Ok(Some(graph))
     }
 
@@ -151,7 +141,6 @@ impl BuildFolder {
         )?;
         edges.finish()?;
         self.progress.states = Some(States {
-            count: graph.node_count(),
             latent_dim: graph.latents().dim(),
             d_max: graph.d_max(),
         });

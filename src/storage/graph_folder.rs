@@ -137,7 +137,7 @@ pub fn load_graph(folder: &Path) -> Result<(TopologicalGraph, GraphManifest), St
 }
 
 /// Adds the rows of a table of edges to a graph that has all its nodes and no edges.
-fn read_edges(path: &Path, graph: &mut TopologicalGraph) -> Result<(), StorageError> {
+pub(super) fn read_edges(path: &Path, graph: &mut TopologicalGraph) -> Result<(), StorageError> {
     for edges in EdgeReader::open(path, graph.node_count(), graph.d_max())? {
         for (from, to, edge) in edges? {
             graph.push_edge(from, to, edge);

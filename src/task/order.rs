@@ -196,10 +196,9 @@ impl OrderAutomaton {
         &self.transitions
     }
 
-    /// The number of states; the last one accepts.
-    #[must_use]
-    pub fn state_count(&self) -> usize {
-        self.states
+    /// The transitions that leave a state.
+    fn leaving(&self, state: usize) -> impl Iterator<Item = &OrderTransition> {
+        self.transitions.iter().filter(move |t| t.from == state)
     }
 
     /// The state at which everything is done.
@@ -215,8 +214,7 @@ impl OrderAutomaton {
         let mut reached = vec![(state, 0)];
         let mut at = 0;
         while let Some((here, skips)) = reached.get(at).copied() {
-            let next = self.transitions.iter().filter(|t| t.from == here);
-            for transition in next.filter(|t| t.task.is_none()) {
+            for transition in self.leaving(here).filter(|t| t.task.is_none()) {
                 if reached.iter().all(|(state, _)| *state != transition.to) {
                     reached.push((transition.to, skips + 1));
                 }
@@ -233,8 +231,7 @@ impl OrderAutomaton {
         for first in &self.transitions {
             let Some(task) = &first.task else { continue };
             for (state, _) in self.skipped_to(first.to) {
-                let leaving = self.transitions.iter().filter(|t| t.from == state);
-                let next = leaving.filter_map(|t| t.task.as_deref());
+                let next = self.leaving(state).filter_map(|t| t.task.as_deref());
                 pairs.extend(next.map(|next| (task.as_str(), next)));
             }
         }
@@ -295,7 +292,7 @@ impl OrderAutomaton {
             }
             return;
         }
-        for transition in self.transitions.iter().filter(|t| t.from == state) {
+        for transition in self.leaving(state) {
             if found.len() >= count {
                 return;
             }

@@ -7,7 +7,7 @@ use super::held_out_pairs::{across, far_pairs, look_alikes, missed_grasps};
 use super::loss::{indices, near_class, near_class_weights};
 use super::network::FlowHead;
 use super::{Dataset, LatentFlowNetwork, StateRef, TrainingConfig, TrainingError};
-use crate::model::ValidationMetrics;
+use crate::model::{ValidationMetrics, best_temperature};
 use crate::trajectory::State;
 
 /// States that are encoded at once.
@@ -159,20 +159,12 @@ impl ValidationSet {
             .sum()
     }
 
-    /// The temperature with the least loss, by golden sections of its logarithm: the loss has one
-    /// minimum in the inverse temperature.
+    /// The temperature with the least loss.
     fn calibrate(&self, logits: &[f32], d_max: usize) -> f64 {
-        let ratio = (5.0_f64.sqrt() - 1.0) / 2.0;
-        let (mut low, mut high) = (TEMPERATURES.0.ln(), TEMPERATURES.1.ln());
-        for _ in 0..24 {
-            let (left, right) = (high - ratio * (high - low), low + ratio * (high - low));
-            if self.loss(logits, d_max, left.exp()) < self.loss(logits, d_max, right.exp()) {
-                high = right;
-            } else {
-                low = left;
-            }
-        }
-        f64::midpoint(low, high).exp()
+        const SECTIONS: usize = 24;
+        best_temperature(TEMPERATURES, SECTIONS, |temperature| {
+            self.loss(logits, d_max, temperature)
+        })
     }
 
     fn traversability(&self, logits: &[f32], d_max: usize) -> ValidationMetrics {

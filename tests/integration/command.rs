@@ -50,6 +50,17 @@ fn bytes_of(folder: &Path) -> Vec<(String, Vec<u8>)> {
     files
 }
 
+/// The shipped chain with at most 8 steps, as a file in a folder.
+fn short_run(folder: &Path) -> PathBuf {
+    let file = folder.join("short_run.yaml");
+    let yaml = fs::read_to_string(root().join("tasks/sequences/sock_then_trash.yaml"))
+        .expect("the composition")
+        .replace("name: sock_then_trash", "name: short_run")
+        .replace("limits: {steps: 400}", "limits: {steps: 8}");
+    fs::write(&file, yaml).expect("written");
+    file
+}
+
 #[test]
 fn recording_goes_on_where_it_was_killed_and_ends_with_the_same_bytes() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -199,12 +210,7 @@ fn any_order_finds_the_order_in_which_the_shipped_tasks_connect() {
 #[test]
 fn a_run_leaves_its_files() {
     let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("short_run.yaml");
-    let yaml = fs::read_to_string(root().join("tasks/sequences/sock_then_trash.yaml"))
-        .expect("the composition")
-        .replace("name: sock_then_trash", "name: short_run")
-        .replace("limits: {steps: 400}", "limits: {steps: 8}");
-    fs::write(&file, yaml).expect("written");
+    let file = short_run(folder.path());
     let out = folder.path().join("out");
     let printed = succeeded(&["run", path(&file), "--out", path(&out)]);
     assert!(
@@ -269,12 +275,7 @@ fn gaps_name_every_seam_with_its_near_misses_and_the_demonstration_to_record() {
 #[test]
 fn shortcuts_are_looked_for_with_the_planner_and_the_states_that_are_asked_for() {
     let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("short_run.yaml");
-    let yaml = fs::read_to_string(root().join("tasks/sequences/sock_then_trash.yaml"))
-        .expect("the composition")
-        .replace("name: sock_then_trash", "name: short_run")
-        .replace("limits: {steps: 400}", "limits: {steps: 8}");
-    fs::write(&file, yaml).expect("written");
+    let file = short_run(folder.path());
     let evaluate = |more: &[&str]| {
         let words = ["evaluate", "shortcuts", "--composition", path(&file)];
         succeeded(&[&words, &["--episodes", "1", "--nearest-states", "50"], more].concat())
