@@ -21,6 +21,7 @@ mod prune;
 mod resample;
 mod score_pairs;
 mod scoring;
+mod stage_classifier;
 mod statistics;
 #[cfg(test)]
 mod tests;
@@ -41,5 +42,6 @@ pub use prune::{PruneOptions, left_out, prune};
 pub use resample::resampled;
 pub use score_pairs::{EdgeSink, JoinedEdges, ScoreError, ScoringReport, score_pairs};
 pub use scoring::ScoredPair;
+pub use stage_classifier::{StageClassifier, StageEvidence};
 pub use statistics::{CrossTaskEdge, CrossTaskStatistics, GraphStatistics, TaskStatistics};
 pub use topological::TopologicalGraph;

@@ -45,4 +45,13 @@ pub enum PlannerError {
         /// Demonstrations whose end can be final.
         known: String,
     },
+    /// The stages of the graph's states could not be learnt.
+    #[error(
+        "the stages of the graph's states cannot be told from their latents ({reason}): look at the graph with \
+         `catena graph show`, or build it again"
+    )]
+    Classifier {
+        /// What went wrong.
+        reason: String,
+    },
 }

@@ -18,6 +18,10 @@ pub struct FilterOptions {
     pub evidence_weight: f64,
     /// Least likelihood of a state, so that one wrong prediction rules nothing out.
     pub floor: f64,
+    /// Power that the probabilities of the stage classifier are raised to; 0 leaves it out.
+    pub classifier_weight: f64,
+    /// Least probability that the classifier is taken to give a stage.
+    pub classifier_floor: f64,
     /// Probability that the next stage must have for a vote to go there.
     pub advance_mass: f64,
     /// Votes in a row until the stage advances.
@@ -50,6 +54,8 @@ impl Default for FilterOptions {
             restart: 1e-4,
             evidence_weight: 1.5,
             floor: 1e-3,
+            classifier_weight: 0.5,
+            classifier_floor: 0.02,
             advance_mass: 0.6,
             advance_votes: 2,
             regress_mass: 0.85,

@@ -39,6 +39,8 @@ pub struct Layout {
     /// For each node, the first place of each of its occurrences: an index into `starts`.
     occurrences: Vec<Vec<usize>>,
     starts: Vec<u32>,
+    /// For each occurrence, the stage at which it begins.
+    first_stages: Vec<usize>,
     successors: Vec<Option<PlaceId>>,
     subgoals: Vec<Subgoal>,
     search: Search,
@@ -62,6 +64,7 @@ impl Layout {
             ranks: vec![0; graph.node_count()],
             occurrences: vec![Vec::new(); graph.node_count()],
             starts: Vec::new(),
+            first_stages: Vec::new(),
             successors: Vec::new(),
             subgoals: automaton.subgoals().to_vec(),
             search,
@@ -102,6 +105,7 @@ impl Layout {
         for (occurrence, (task, offset)) in tasks.iter().enumerate() {
             let timeline = Timeline::new(graph, task);
             self.starts.push(self.places.len() as u32);
+            self.first_stages.push(*offset);
             for (rank, (&node, time)) in timeline.time_steps.iter().enumerate() {
                 self.ranks[node.index()] = rank as u32;
                 self.occurrences[node.index()].push(occurrence);
@@ -130,6 +134,13 @@ impl Layout {
 
     fn at(&self, node: NodeId, occurrence: usize) -> PlaceId {
         PlaceId(self.starts[occurrence] + self.ranks[node.index()])
+    }
+
+    /// Whether no subgoal of its task holds at a place, and its stage is that of the tasks before.
+    #[must_use]
+    pub fn is_at_start(&self, place: PlaceId) -> bool {
+        let place = self.place(place);
+        place.occurrence > 0 && place.stage == self.first_stages[place.occurrence]
     }
 
     /// All places; a [`PlaceId`] is an index into them.

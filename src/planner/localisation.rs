@@ -1,9 +1,12 @@
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
 use super::belief::Belief;
 use super::groups::Groups;
 use super::motion::Motion;
-use super::stages::Stages;
+use super::stages::{StageView, Stages};
 use super::{FilterOptions, Layout, LiveDistances, PlaceId, StageChange};
-use crate::graph::NodeId;
+use crate::graph::{NodeId, StageClassifier, StageEvidence};
 
 /// Where in the composition the robot is believed to be.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,6 +52,11 @@ pub struct StageFilter {
     spare: Belief,
     stages: Stages,
     unfit_steps: u32,
+    classifier: Option<Arc<StageClassifier>>,
+    /// For each stage, the classes of the classifier that its places have.
+    classes_of_stage: Vec<Vec<usize>>,
+    /// The same of places that are not at the start of a later task.
+    reached_classes: Vec<Vec<usize>>,
 }
 
 /// How far into the first task the robot may be at the beginning: mean of an exponential.
@@ -78,9 +86,33 @@ impl StageFilter {
             belief,
             stages,
             unfit_steps: 0,
+            classifier: None,
+            classes_of_stage: Vec::new(),
+            reached_classes: Vec::new(),
         };
         filter.reset();
         filter
+    }
+
+    /// Weighs places by what a classifier of the same graph makes of the robot's latent, too, where
+    /// [`look`](Self::look) is given one.
+    #[must_use]
+    pub fn with_classifier(mut self, classifier: Arc<StageClassifier>) -> Self {
+        let mut all = vec![BTreeSet::new(); self.layout.stage_count()];
+        let mut reached = all.clone();
+        for (id, place) in (0..).map(PlaceId).zip(self.layout.places()) {
+            let class = classifier.class_of(place.node);
+            all[place.stage].insert(class);
+            if !self.layout.is_at_start(id) {
+                reached[place.stage].insert(class);
+            }
+        }
+        let lists = |sets: Vec<BTreeSet<usize>>| -> Vec<Vec<usize>> {
+            sets.into_iter().map(|s| s.into_iter().collect()).collect()
+        };
+        (self.classes_of_stage, self.reached_classes) = (lists(all), lists(reached));
+        self.classifier = Some(classifier);
+        self
     }
 
     /// Back to the beginning of the composition, for a new episode.
@@ -178,17 +210,41 @@ impl StageFilter {
 
     /// One step on: the robot acted, and now sees something at these distances.
     pub fn update(&mut self, distances: &LiveDistances) -> Localisation {
+        self.update_with(distances, None)
+    }
+
+    /// The same with the latent of what it sees, for the classifier, if there is one.
+    ///
+    /// # Panics
+    /// If the latent is not of the length of the graph's.
+    pub fn look(&mut self, distances: &LiveDistances, latent: &[f32]) -> Localisation {
+        let evidence = self.classifier.as_ref().map(|c| c.look(latent));
+        self.update_with(distances, evidence.as_ref())
+    }
+
+    fn update_with(
+        &mut self,
+        distances: &LiveDistances,
+        evidence: Option<&StageEvidence>,
+    ) -> Localisation {
         self.predict(distances);
-        self.weigh(distances);
+        self.weigh(distances, evidence);
         self.forget_the_least();
         let stage_probabilities = self.stage_probabilities();
+        let reached = self.reached_probabilities();
         let fit = self.fit(distances);
+        let support = self.support(evidence, &reached, fit);
         // What is seen is like nothing that is believed: a belief that only drifts on decides nothing.
         let is_unfit = fit < self.options.lost_probability;
         let change = if is_unfit {
             None
         } else {
-            self.stages.vote(&self.options, &stage_probabilities)
+            let view = StageView {
+                probabilities: &stage_probabilities,
+                reached: &reached,
+                support: &support,
+            };
+            self.stages.vote(&self.options, &view)
         };
         self.unfit_steps = if is_unfit { self.unfit_steps + 1 } else { 0 };
         self.localise(fit, stage_probabilities, change)
@@ -233,23 +289,42 @@ impl StageFilter {
         std::mem::swap(&mut self.belief, &mut self.spare);
     }
 
-    /// Weighs the belief by how near each place seems.
-    fn weigh(&mut self, distances: &LiveDistances) {
+    /// Weighs the belief by how near each place seems, and by the stage that the classifier sees.
+    fn weigh(&mut self, distances: &LiveDistances, evidence: Option<&StageEvidence>) {
         let lowest = self.lowest_stage();
         let (layout, groups, options) = (&self.layout, &self.groups, &self.options);
         let unknown = likelihood(options, None, None);
+        let classified = evidence.zip(self.classifier.as_deref());
+        let of_class = |evidence: &StageEvidence, class: usize| {
+            (options.classifier_floor + evidence.support(class)).powf(options.classifier_weight)
+        };
+        let stages: Vec<f64> = (0..layout.stage_count())
+            .map(|stage| match (stage >= lowest, classified) {
+                (false, _) => 0.0,
+                (true, None) => unknown,
+                (true, Some((evidence, _))) => {
+                    let classes = &self.classes_of_stage[stage];
+                    let sum: f64 = classes.iter().map(|c| of_class(evidence, *c)).sum();
+                    unknown * sum / classes.len().max(1) as f64
+                }
+            })
+            .collect();
         self.belief.weigh(
             |place| {
                 let place = layout.place(place);
                 if place.stage < lowest {
                     return 0.0;
                 }
-                match (distances.to(place.node), distances.from(place.node)) {
+                let near = match (distances.to(place.node), distances.from(place.node)) {
                     (None, None) => unknown,
                     (to, from) => likelihood(options, to, from),
-                }
+                };
+                let stage = classified.map_or(1.0, |(evidence, classifier)| {
+                    of_class(evidence, classifier.class_of(place.node))
+                });
+                near * stage
             },
-            |group| f64::from(u8::from(groups.stages[group] >= lowest)) * unknown,
+            |group| stages[groups.stages[group]],
         );
     }
 
@@ -281,6 +356,32 @@ impl StageFilter {
             probabilities[self.groups.stages[group]] += mass;
         }
         probabilities
+    }
+
+    /// For each stage, the share of its probability at places that lie behind its last subgoal in the same
+    /// task. At the start of a later task a robot may be without having done the one before.
+    fn reached_probabilities(&self) -> Vec<f64> {
+        let mut probabilities = vec![0.0; self.layout.stage_count()];
+        for (id, mass) in self.belief.listed() {
+            if !self.layout.is_at_start(id) {
+                probabilities[self.layout.place(id).stage] += mass;
+            }
+        }
+        probabilities
+    }
+
+    /// What speaks for each stage to be reached: what the classifier sees, else what is believed; less where
+    /// the robot is unlike what it is believed to be.
+    fn support(&self, evidence: Option<&StageEvidence>, reached: &[f64], fit: f64) -> Vec<f64> {
+        let stages = 0..self.layout.stage_count();
+        let of_stage = |stage: usize| match evidence {
+            None => reached[stage],
+            Some(evidence) => {
+                let classes = self.reached_classes[stage].iter();
+                classes.map(|class| evidence.support(*class)).sum()
+            }
+        };
+        stages.map(|stage| fit * of_stage(stage)).collect()
     }
 
     /// Mean probability, by belief, that what is seen is connected to where the robot is believed to be.

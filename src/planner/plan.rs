@@ -1,5 +1,5 @@
 use std::collections::{BTreeMap, HashSet};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::choice::final_places;
 use super::no_path::explain;
@@ -8,7 +8,7 @@ use super::{
     Audit, CostToGo, FilterOptions, FinalChoice, Layout, NoPath, PlaceId, PlannerError,
     PlannerOptions, Search, StageFilter, audit,
 };
-use crate::graph::{NodeId, TopologicalGraph, left_out};
+use crate::graph::{NodeId, StageClassifier, TopologicalGraph, left_out};
 use crate::task::Automaton;
 
 /// A route to a final state.
@@ -75,6 +75,8 @@ pub struct Planner {
     /// What going to a state, or between two states, costs extra because it failed.
     failed_nodes: BTreeMap<NodeId, f64>,
     failed_edges: BTreeMap<(NodeId, NodeId), f64>,
+    /// Learnt when it is first asked for, and shared by clones.
+    classifier: Arc<OnceLock<Result<Arc<StageClassifier>, PlannerError>>>,
 }
 
 impl Planner {
@@ -105,6 +107,7 @@ impl Planner {
             finals,
             failed_nodes: BTreeMap::new(),
             failed_edges: BTreeMap::new(),
+            classifier: Arc::default(),
         };
         if *final_choice == FinalChoice::Nearest {
             planner.keep_nearest_final();
@@ -264,6 +267,20 @@ impl Planner {
                 .expect("the planner's own layout names the same tasks"),
         };
         StageFilter::new(layout, options)
+    }
+
+    /// Tells stages of the graph's tasks from a latent alone. It is learnt from the graph at the first call
+    /// (about a second), and kept for this planner and its clones.
+    ///
+    /// # Errors
+    /// [`PlannerError::Classifier`] when nothing can be learnt, as where latents are not finite.
+    pub fn stage_classifier(&self) -> Result<Arc<StageClassifier>, PlannerError> {
+        let fit = || {
+            let fitted = StageClassifier::fit(&self.graph);
+            let failed = |reason| PlannerError::Classifier { reason };
+            fitted.map(Arc::new).map_err(failed)
+        };
+        self.classifier.get_or_init(fit).clone()
     }
 
     /// Makes going to a state dearer after it failed: from one state, or from anywhere (also from

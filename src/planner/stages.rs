@@ -13,7 +13,7 @@ pub enum StageChange {
         /// The new stage.
         to: usize,
     },
-    /// The robot seems to be beyond subgoals that it never reached. The stage stays; set it with
+    /// A later subgoal is seen to be reached without earlier ones. The stage stays; set it with
     /// [`StageFilter::set_stage`](super::StageFilter::set_stage) to accept that.
     Shortcut {
         /// The stage at which the robot seems to be.
@@ -21,18 +21,43 @@ pub enum StageChange {
         /// The subgoals that were not seen, as stages at which they are due.
         skipped: Vec<usize>,
     },
+    /// The robot goes about a later task although an earlier one is not done. Nothing is skipped yet.
+    Ahead {
+        /// The stage at which that task begins.
+        to: usize,
+        /// The subgoals before it that were not seen, as stages at which they are due.
+        skipped: Vec<usize>,
+    },
 }
 
-/// Probability that a stage must have had once for its subgoal to count as seen.
+/// Probability that a stage must have had once, behind its subgoal, for that to count as seen.
 const SEEN: f64 = 0.3;
+/// What speaks for a shortcut counts beyond this ...
+const DOUBT: f64 = 0.5;
+/// ... and together must come to so much: two steps of certainty, or more that are less certain.
+const CONVINCED: f64 = 0.5;
+
+/// What a step says of the stages, one value each.
+pub(super) struct StageView<'a> {
+    /// Probabilities, which sum to 1.
+    pub(super) probabilities: &'a [f64],
+    /// What of them lies behind the stage's last subgoal in the same task, not at the start of a later one.
+    pub(super) reached: &'a [f64],
+    /// What speaks for being there, behind its subgoal, whatever was believed before; 0..=1.
+    pub(super) support: &'a [f64],
+}
 
 /// The stage, which advances and falls back by votes.
 #[derive(Clone, Debug)]
 pub(super) struct Stages {
     pub(super) now: usize,
     votes: Votes,
-    /// For each stage, the largest probability it had since the current stage began.
+    /// For each stage, the largest probability it had behind its subgoal since the current stage began.
     peaks: Vec<f64>,
+    /// What speaks for a shortcut, added up.
+    suspicion: f64,
+    /// Stages that were reported since the current one began: as a shortcut, as what is headed for.
+    reported: [Option<usize>; 2],
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -47,6 +72,8 @@ impl Stages {
             now: 0,
             votes: Votes::default(),
             peaks: vec![0.0; count],
+            suspicion: 0.0,
+            reported: [None; 2],
         }
     }
 
@@ -54,17 +81,20 @@ impl Stages {
         self.now = stage;
         self.votes = Votes::default();
         self.peaks.fill(0.0);
+        self.suspicion = 0.0;
+        self.reported = [None; 2];
     }
 
     /// Counts this step's votes and changes the stage when they suffice.
     pub(super) fn vote(
         &mut self,
         options: &FilterOptions,
-        probabilities: &[f64],
+        view: &StageView<'_>,
     ) -> Option<StageChange> {
-        for (peak, p) in self.peaks.iter_mut().zip(probabilities) {
+        for (peak, p) in self.peaks.iter_mut().zip(view.reached) {
             *peak = peak.max(*p);
         }
+        let probabilities = view.probabilities;
         let behind: f64 = probabilities[..self.now].iter().sum();
         let ahead: f64 = probabilities[self.now + 1..].iter().sum();
         let count = |votes: u32, mass: f64, least: f64| if mass >= least { votes + 1 } else { 0 };
@@ -72,7 +102,19 @@ impl Stages {
         self.votes.behind = count(self.votes.behind, behind, options.regress_mass);
         if self.votes.ahead > 0 && self.votes.ahead >= options.advance_votes {
             let to = self.now + 1 + most_probable(&probabilities[self.now + 1..]);
-            return self.advance(options, to);
+            let is_reached = view.reached[to] >= 0.5 * probabilities[to];
+            let skipped = self.unseen_before(to, is_reached);
+            if skipped.is_empty() {
+                self.set(to);
+                return Some(StageChange::Advanced { to });
+            }
+            // A stage that is only passed through may still gather its votes.
+            let patience = options.advance_votes.max(1) * 2;
+            if !is_reached && self.votes.ahead >= patience {
+                let is_new = self.reported[1].replace(to) != Some(to);
+                return is_new.then_some(StageChange::Ahead { to, skipped });
+            }
+            return self.shortcut(view);
         }
         let enough = options.regress_votes.map(|v| v.max(1));
         if enough.is_some_and(|votes| self.votes.behind >= votes) {
@@ -80,21 +122,36 @@ impl Stages {
             self.set(to);
             return Some(StageChange::Regressed { to });
         }
-        None
+        self.shortcut(view)
     }
 
-    fn advance(&mut self, options: &FilterOptions, to: usize) -> Option<StageChange> {
-        let skipped: Vec<usize> = (self.now..to)
-            .filter(|due| self.peaks[due + 1] < SEEN && due + 1 != to)
-            .collect();
-        if skipped.is_empty() {
-            self.set(to);
-            return Some(StageChange::Advanced { to });
+    /// A later subgoal that is seen to be reached, when enough speaks for it over some steps.
+    fn shortcut(&mut self, view: &StageView<'_>) -> Option<StageChange> {
+        let later = &view.support[self.now + 1..];
+        let to = self.now + 1 + most_probable(later);
+        let skipped = if later.is_empty() {
+            Vec::new()
+        } else {
+            self.unseen_before(to, true)
+        };
+        let gained = if skipped.is_empty() {
+            0.0
+        } else {
+            view.support[to]
+        };
+        self.suspicion = (self.suspicion + gained - DOUBT).max(0.0);
+        if self.suspicion < CONVINCED {
+            return None;
         }
-        // A stage that is only passed through may still gather its votes: report a shortcut once, and
-        // when it has lasted longer than that takes.
-        let patience = options.advance_votes.max(1) * 2;
-        (self.votes.ahead == patience).then_some(StageChange::Shortcut { to, skipped })
+        self.suspicion = 0.0;
+        let is_new = self.reported[0].replace(to) != Some(to);
+        is_new.then_some(StageChange::Shortcut { to, skipped })
+    }
+
+    /// The subgoals up to a stage that were never seen to be reached.
+    fn unseen_before(&self, to: usize, is_reached: bool) -> Vec<usize> {
+        let is_seen = |due: usize| self.peaks[due + 1] >= SEEN || (due + 1 == to && is_reached);
+        (self.now..to).filter(|due| !is_seen(*due)).collect()
     }
 }
 

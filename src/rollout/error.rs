@@ -3,6 +3,7 @@ use thiserror::Error;
 use crate::environment::EnvironmentError;
 use crate::graph::GraphError;
 use crate::model::ModelError;
+use crate::planner::PlannerError;
 use crate::trajectory::TrajectoryError;
 
 /// Why a run broke off. That a plan does not exist, or that time ran out, is no error but an
@@ -28,6 +29,9 @@ pub enum RolloutError {
     /// The graph is not of the model.
     #[error(transparent)]
     Graph(#[from] GraphError),
+    /// The composition and the graph do not go together.
+    #[error(transparent)]
+    Planner(#[from] PlannerError),
     /// The policy's classes do not fit the action space.
     #[error("step {step}: {source}")]
     Action {

@@ -30,6 +30,18 @@ pub enum Event {
         /// Belief in it, 0..=1.
         confidence: f32,
     },
+    /// The robot goes about a later task although an earlier one is not done: it is on its way to a
+    /// shortcut, but nothing is skipped yet.
+    HeadingAhead {
+        /// Time step.
+        step: usize,
+        /// The first subgoal of the later task.
+        subgoal: Subgoal,
+        /// What is left out so far, in order.
+        skipped: Vec<Subgoal>,
+        /// Belief in it, 0..=1.
+        confidence: f32,
+    },
     /// A subgoal that was reached is seen to hold no longer: what was held has slipped.
     SetBack {
         /// Time step.
@@ -99,6 +111,22 @@ impl fmt::Display for Event {
                 write!(
                     f,
                     "step {step}: SHORTCUT to {}/{}, skipping {} ({:.0} % sure)",
+                    subgoal.task,
+                    subgoal.name,
+                    names.join(", "),
+                    100.0 * confidence
+                )
+            }
+            Self::HeadingAhead {
+                step,
+                subgoal,
+                skipped,
+                confidence,
+            } => {
+                let names: Vec<_> = skipped.iter().map(|s| s.name.as_str()).collect();
+                write!(
+                    f,
+                    "step {step}: heading for {}/{} without {} ({:.0} % sure)",
                     subgoal.task,
                     subgoal.name,
                     names.join(", "),

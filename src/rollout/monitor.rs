@@ -48,7 +48,8 @@ impl<'a> Monitor<'a> {
     ///
     /// # Errors
     /// [`RolloutError::Graph`] when the graph has another `d_max` or latents of another length than the
-    /// model, [`RolloutError::Model`] when a network gives no answer.
+    /// model, [`RolloutError::Model`] when a network gives no answer, [`RolloutError::Planner`] when the
+    /// stages of the graph's states cannot be learnt.
     pub fn new(
         model: RolloutModel<'a>,
         planner: &Planner,
@@ -64,7 +65,10 @@ impl<'a> Monitor<'a> {
             .traversability
             .project(latents)
             .map_err(|source| RolloutError::Model { step: 0, source })?;
-        let filter = planner.stage_filter(options.filter.clone());
+        let mut filter = planner.stage_filter(options.filter.clone());
+        if options.filter.classifier_weight > 0.0 {
+            filter = filter.with_classifier(planner.stage_classifier()?);
+        }
         let candidates = filter.candidates();
         let nearby = options
             .nearest_states
@@ -137,7 +141,7 @@ impl<'a> Monitor<'a> {
         )
         .map_err(failed)?;
         let before = self.filter.stage();
-        let localisation = self.filter.update(&distances);
+        let localisation = self.filter.look(&distances, latent.row(0));
         let events = self.events(before, &localisation);
         self.is_lost = localisation.is_lost;
         self.step += 1;
@@ -189,6 +193,12 @@ impl<'a> Monitor<'a> {
                 skipped: skipped.iter().map(|s| subgoals[*s].clone()).collect(),
                 confidence: confidence(*to),
             }),
+            Some(StageChange::Ahead { to, skipped }) => events.push(Event::HeadingAhead {
+                step,
+                subgoal: subgoals[*to].clone(),
+                skipped: skipped.iter().map(|s| subgoals[*s].clone()).collect(),
+                confidence: confidence(*to),
+            }),
         }
         events
     }
@@ -213,7 +223,7 @@ mod tests {
     use crate::graph::TopologicalGraph;
     use crate::graph::fakes::{BrokenEncoder, Oracle, PixelEncoder, add_demonstration, task};
     use crate::model::{ActionDistribution, LocalPolicy};
-    use crate::planner::{FinalChoice, PlannerOptions};
+    use crate::planner::{FilterOptions, FinalChoice, PlannerOptions};
     use crate::task::Automaton;
     use crate::trajectory::Image;
 
@@ -258,14 +268,10 @@ mod tests {
 
     /// What a monitor says of a robot that is seen at these positions of the corridor.
     fn told(positions: impl IntoIterator<Item = u8>) -> Vec<Event> {
-        told_asking(None, positions)
+        told_with(&RolloutOptions::default(), positions)
     }
 
-    /// The same where only so many states are asked how far they are.
-    fn told_asking(
-        nearest_states: Option<usize>,
-        positions: impl IntoIterator<Item = u8>,
-    ) -> Vec<Event> {
+    fn told_with(options: &RolloutOptions, positions: impl IntoIterator<Item = u8>) -> Vec<Event> {
         let planner = corridor();
         let oracle = ahead(5);
         let model = RolloutModel {
@@ -275,8 +281,7 @@ mod tests {
         };
         let options = RolloutOptions {
             near_probability: 0.0,
-            nearest_states,
-            ..RolloutOptions::default()
+            ..options.clone()
         };
         let mut monitor =
             Monitor::new(model, &planner, &options).expect("the graph is of the oracle");
@@ -334,7 +339,11 @@ mod tests {
     #[test]
     fn asking_the_nearest_states_only_tells_the_same() {
         let walk = |nearest_states| -> Vec<(usize, String)> {
-            told_asking(nearest_states, (0..25).chain([24; 4]))
+            let options = RolloutOptions {
+                nearest_states,
+                ..RolloutOptions::default()
+            };
+            told_with(&options, (0..25).chain([24; 4]))
                 .into_iter()
                 .map(|event| match event {
                     Event::SubgoalReached { step, subgoal, .. } => (step, subgoal.name),
@@ -348,7 +357,15 @@ mod tests {
 
     #[test]
     fn a_robot_beyond_what_it_never_reached_is_flagged_once() {
-        let events = told((0..4).chain(18..22).chain([22; 12]));
+        // Along a line a linear classifier tells the middle of three stages from the others at no place.
+        let options = RolloutOptions {
+            filter: FilterOptions {
+                classifier_weight: 0.0,
+                ..FilterOptions::default()
+            },
+            ..RolloutOptions::default()
+        };
+        let events = told_with(&options, (0..4).chain(18..22).chain([22; 12]));
         let flagged: Vec<(&str, Vec<&str>)> = events
             .iter()
             .filter_map(|event| match event {

@@ -16,6 +16,8 @@ pub(super) struct Reflex {
     recent: Vec<(usize, u32)>,
     /// For each class of a space of primitives, the one that undoes it.
     opposites: Vec<Option<usize>>,
+    /// For each class, the one of the base that moves the hand the same way.
+    by_base: Vec<Option<usize>>,
     /// The classes that close and open the gripper.
     gripper: Vec<usize>,
 }
@@ -27,6 +29,7 @@ impl Reflex {
     pub(super) fn new(space: &ActionSpace) -> Self {
         Self {
             opposites: space.opposites(),
+            by_base: space.by_base(),
             gripper: GripperSignal::default().classes(space),
             ..Self::default()
         }
@@ -55,7 +58,8 @@ impl Reflex {
     /// The most probable classes that are not ruled out; the most probable ones if nothing is left.
     /// Where all that is left is less probable than `least_substitute`, what undoes the one that had no
     /// effect: a hand that is stopped on its way is in the wrong place, and the next best class, such as
-    /// closing the gripper there, is a guess. Where it had no effect lately either, undoing it did not
+    /// closing the gripper there, is a guess. Before that the base is tried, where it moves the hand the same
+    /// way: an arm that is stretched out gets no further, a base does. Where it had no effect lately either, undoing it did not
     /// help, and would not end: then the next best class after all, but never the gripper on a guess.
     ///
     /// Only spaces with one head (primitives) have something ruled out: with several, the most
@@ -80,6 +84,9 @@ impl Reflex {
         if substitute == *wanted || head[substitute] >= least_substitute {
             return vec![substitute];
         }
+        if let Some(drive) = self.driven(*wanted) {
+            return vec![drive];
+        }
         let undoes = self.opposites.get(*wanted).copied().flatten();
         let is_undoing = |class: usize| Some(class) == undoes;
         let again = self.recent.iter().filter(|(c, _)| c == wanted).count() > 1;
@@ -101,6 +108,10 @@ impl Reflex {
         let [head] = &distribution.heads[..] else {
             return distribution.most_probable();
         };
+        let wanted = distribution.most_probable();
+        if let Some(drive) = wanted.first().and_then(|wanted| self.driven(*wanted)) {
+            return vec![drive];
+        }
         let total: f32 = self.allowed(head.len()).map(|class| head[class]).sum();
         let mut lot = rng.random_range(0.0..=1.0_f32) * total;
         self.allowed(head.len())
@@ -111,8 +122,23 @@ impl Reflex {
             .map_or_else(|| self.choose(distribution, 0.0), |class| vec![class])
     }
 
+    /// What the base does instead, where the arm is at its limit: the class of the base that moves the hand as
+    /// one would that had no effect, if it has not been without effect itself lately.
+    fn driven(&self, wanted: usize) -> Option<usize> {
+        if !self.is_ruled_out(wanted) {
+            return None;
+        }
+        let drive = self.by_base.get(wanted).copied().flatten()?;
+        let is_tried = self.recent.iter().any(|(class, _)| *class == drive);
+        (!is_tried && !self.is_ruled_out(drive)).then_some(drive)
+    }
+
+    fn is_ruled_out(&self, class: usize) -> bool {
+        self.ruled_out.iter().any(|r| r[..] == [class])
+    }
+
     fn allowed(&self, classes: usize) -> impl Iterator<Item = usize> {
-        (0..classes).filter(|class| !self.ruled_out.iter().any(|r| r[..] == [*class]))
+        (0..classes).filter(|class| !self.is_ruled_out(*class))
     }
 }
 
@@ -195,6 +221,32 @@ mod tests {
         assert_eq!(reflex.choose(&policy(0.2), 0.25), [2]);
         reflex.note(&[2], &grey(10), &grey(10), 2.0);
         assert_eq!(reflex.choose(&policy(0.2), 0.25), [1], "up is blocked too");
+    }
+
+    #[test]
+    fn where_the_arm_is_at_its_limit_the_base_drives() {
+        let names = [
+            "end_effector_forward",
+            "end_effector_backward",
+            "base_forward",
+        ];
+        let mut reflex = Reflex::new(&ActionSpace::Primitives {
+            names: names.map(str::to_owned).to_vec(),
+        });
+        let policy = ActionDistribution {
+            heads: vec![vec![0.9, 0.06, 0.04]],
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        assert_eq!(reflex.choose(&policy, 0.25), [0]);
+        reflex.note(&[0], &grey(10), &grey(10), 2.0);
+        assert_eq!(reflex.choose(&policy, 0.25), [2]);
+        assert_eq!(
+            reflex.draw(&policy, &mut rng),
+            [2],
+            "nor is it left to chance"
+        );
+        reflex.note(&[2], &grey(10), &grey(10), 2.0);
+        assert_eq!(reflex.choose(&policy, 0.25), [1], "the base is stopped too");
     }
 
     #[test]

@@ -168,7 +168,7 @@ impl<'a> Rollout<'a> {
     fn note_change(&mut self, run: &mut Run, localisation: &Localisation) -> Option<EpisodeEnd> {
         run.lost_steps += usize::from(localisation.is_lost);
         match localisation.change {
-            None => None,
+            None | Some(StageChange::Ahead { .. }) => None,
             Some(StageChange::Advanced { .. } | StageChange::Regressed { .. }) => {
                 run.enter();
                 None

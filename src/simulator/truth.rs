@@ -10,8 +10,10 @@ use super::world::{Graspable, TISSUE_HALF_M, World};
 
 /// The drawer counts as open from here on: wide enough to reach for the sock.
 const OPEN_M: f32 = 0.18;
-/// A thing counts as grasped once it is held this far above its place.
+/// A thing counts as grasped once it is held this far above its place ...
 const LIFTED_M: f32 = 0.02;
+/// ... or was carried so far, since a can need not be lifted to be drawn off its shelf and into the bin.
+const CARRIED_M: f32 = 0.05;
 /// The spill counts as covered once this share of the puddle is under the tissue.
 const COVERED_SHARE: f32 = 0.75;
 /// Points across the puddle at which it is looked whether the tissue is above.
@@ -23,15 +25,15 @@ const PUDDLE_POINTS: i32 = 21;
 pub struct Truth {
     /// The drawer is pulled out.
     pub drawer_open: bool,
-    /// The gripper holds the sock up.
+    /// The gripper holds the sock up, or has carried it off.
     pub sock_grasped: bool,
     /// The sock lies in the container box.
     pub sock_in_box: bool,
-    /// The gripper holds the can up.
+    /// The gripper holds the can up, or has carried it off.
     pub can_grasped: bool,
     /// The can lies in the waste bin.
     pub can_in_bin: bool,
-    /// The gripper holds the tissue up.
+    /// The gripper holds the tissue up, or has carried it off.
     pub tissue_grasped: bool,
     /// The tissue lies on the chest, over most of the spill.
     pub spill_covered: bool,
@@ -65,7 +67,10 @@ impl Truth {
 
     pub(crate) fn of(world: &World) -> Self {
         let layout = world.layout();
-        let held_up = |thing| world.grips(thing) && world.lift_m(thing) > LIFTED_M;
+        let held_up = |thing| {
+            let moved = world.lift_m(thing) > LIFTED_M || world.carried_m(thing) > CARRIED_M;
+            world.grips(thing) && moved
+        };
         let dropped_in = |thing, receptacle: &Receptacle| {
             !world.grips(thing) && is_inside(world, thing, receptacle)
         };

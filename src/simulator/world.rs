@@ -187,6 +187,15 @@ impl World {
         self.world_from(thing).translation.z - rest
     }
 
+    /// How far a thing was carried from where it was gripped; 0 for what is not held.
+    pub(crate) fn carried_m(&self, thing: Graspable) -> f32 {
+        let held = self.held.as_ref().filter(|held| held.thing == thing);
+        held.map_or(0.0, |held| {
+            let now = self.physics.bodies[self.body(thing)].translation();
+            (now - held.from).length()
+        })
+    }
+
     /// How far the drawer is open.
     pub(crate) fn drawer_opening_m(&self) -> f32 {
         self.layout.drawer.centre_m[1] - self.world_from(Graspable::Drawer).translation.y

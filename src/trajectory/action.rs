@@ -98,6 +98,28 @@ impl ActionSpace {
         names.iter().map(opposite).collect()
     }
 
+    /// For each primitive of another part the one of the base that moves the hand the same way, by its name:
+    /// `end_effector_forward` and `base_forward`, `end_effector_left` and `base_turn_left`. Empty for
+    /// continuous actions.
+    #[must_use]
+    pub fn by_base(&self) -> Vec<Option<usize>> {
+        const DIRECTIONS: [&str; 4] = ["forward", "backward", "left", "right"];
+        let Self::Primitives { names } = self else {
+            return Vec::new();
+        };
+        let is_of_base = |name: &str| name.split('_').next() == Some("base");
+        let direction = |name: &str| {
+            let word = name.rsplit('_').next().unwrap_or_default();
+            DIRECTIONS.iter().position(|direction| *direction == word)
+        };
+        let of_base = |name: &String| {
+            let wanted = direction(name).filter(|_| !is_of_base(name))?;
+            let same = |other: &String| is_of_base(other) && direction(other) == Some(wanted);
+            names.iter().position(same)
+        };
+        names.iter().map(of_base).collect()
+    }
+
     /// How many classes each head of a policy has: one head for primitives, one a dimension for
     /// binned actions, none for a space that is not binned yet.
     #[must_use]

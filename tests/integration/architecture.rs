@@ -39,6 +39,7 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("petgraph", &["graph", "planner"]),
     ("linfa", &["graph"]),
     ("linfa_clustering", &["graph"]),
+    ("linfa_logistic", &["graph"]),
     ("ndarray", &["graph"]),
 ];
 

@@ -131,18 +131,23 @@ fn a_room_that_looks_as_at_the_beginning_undoes_one_subgoal_at_most() {
 fn subgoal_without_the_one_before_is_a_shortcut_and_keeps_the_stage() {
     let (graph, _, mut filter) = set_up();
     walk(&graph, &mut filter, steps_to(3));
-    let changes = walk(
-        &graph,
-        &mut filter,
-        (22..28).chain([27; 12]).map(|x| x as f32),
-    );
-    let shortcuts: Vec<_> = changes.iter().filter_map(|l| l.change.clone()).collect();
-    let expected = StageChange::Shortcut {
-        to: 2,
-        skipped: vec![0],
+    let mut changes_on = |positions: &[f32]| -> Vec<StageChange> {
+        let seen = walk(&graph, &mut filter, positions.iter().copied());
+        assert_eq!(filter.stage(), 0);
+        seen.into_iter().filter_map(|l| l.change).collect()
     };
-    assert_eq!(shortcuts, vec![expected]);
-    assert_eq!(filter.stage(), 0);
+    let on_the_way: Vec<f32> = (22..28).chain([27; 12]).map(|x| x as f32).collect();
+    let ahead = StageChange::Ahead {
+        to: 2,
+        skipped: vec![0, 1],
+    };
+    assert_eq!(changes_on(&on_the_way), [ahead], "nothing is reached yet");
+    let shortcut = StageChange::Shortcut {
+        to: 3,
+        skipped: vec![0, 1],
+    };
+    let there = [28.0, 29.0, 30.0, 31.0, 31.0, 31.0, 31.0, 31.0];
+    assert_eq!(changes_on(&there), [shortcut], "said once");
     filter.set_stage(2);
     assert_eq!(filter.stage(), 2);
 }

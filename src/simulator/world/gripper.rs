@@ -34,6 +34,8 @@ const TEAR_N: f32 = 15.0;
 pub(crate) struct Held {
     pub(super) thing: Graspable,
     joint: ImpulseJointHandle,
+    /// Where the thing was when the grasp began.
+    pub(super) from: Vector,
 }
 
 impl World {
@@ -101,7 +103,8 @@ impl World {
             let joint = self
                 .physics
                 .insert_impulse_joint(palm, self.body(thing), joint);
-            self.held = Some(Held { thing, joint });
+            let from = self.physics.bodies[self.body(thing)].translation();
+            self.held = Some(Held { thing, joint, from });
         }
     }
 
