@@ -4,9 +4,11 @@ use serde::Serialize;
 
 use super::arguments::{Arguments, ComposeArguments};
 use super::error::CliError;
+use super::graph::results_folder;
 use super::loaded::Loaded;
 use crate::graph::TopologicalGraph;
-use crate::planner::{Audit, Plan, Planner};
+use crate::planner::{Audit, Explanation, Plan, Planner};
+use crate::view::write_automaton_svg;
 
 /// What a plan looks like to a program.
 #[derive(Serialize)]
@@ -22,6 +24,8 @@ pub(super) struct PlanReport {
     route: Vec<String>,
     audit: Audit,
     unconstrained: Option<UnconstrainedReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    explanation: Option<Explanation>,
 }
 
 /// What the paper would plan.
@@ -70,6 +74,7 @@ pub(super) fn plan(loaded: &Loaded) -> Result<Planned, CliError> {
             .collect(),
         audit: planner.audit(&plan),
         unconstrained,
+        explanation: None,
     };
     Ok(Planned {
         planner,
@@ -184,11 +189,40 @@ pub(super) fn compose(
     arguments: &Arguments,
 ) -> Result<(), CliError> {
     let loaded = Loaded::load(&compose_arguments.file.to_string_lossy(), arguments)?;
-    let planned = plan(&loaded)?;
+    let mut planned = plan(&loaded)?;
+    let mut picture = None;
+    if compose_arguments.explain {
+        let explanation = explain(&loaded, &planned.planner)?;
+        let name = &loaded.composition.name;
+        let out = compose_arguments.out.clone();
+        let path = out
+            .unwrap_or_else(|| results_folder(name))
+            .join("automaton.svg");
+        let title = name.replace('_', " ");
+        write_automaton_svg(&path, &loaded.composition.orders, &explanation, &title)?;
+        planned.report.explanation = Some(explanation);
+        picture = Some(path);
+    }
     if compose_arguments.json {
         println!("{}", serde_json::to_string_pretty(&planned.report)?);
-    } else {
-        print!("{}", describe(&loaded, &planned));
+        return Ok(());
+    }
+    print!("{}", describe(&loaded, &planned));
+    if let (Some(explanation), Some(path)) = (&planned.report.explanation, picture) {
+        println!("to do:");
+        for line in loaded.composition.order.to_string().lines() {
+            println!("  {line}");
+        }
+        println!("{explanation}");
+        println!("drawn in {}", path.display());
     }
     Ok(())
+}
+
+/// Why the plan of a composition is what it is.
+fn explain(loaded: &Loaded, planner: &Planner) -> Result<Explanation, CliError> {
+    let composition = &loaded.composition;
+    let tasks = composition.planned_tasks();
+    let final_task = composition.final_task();
+    Explanation::new(planner, &composition.orders, &tasks, final_task).map_err(CliError::NoPath)
 }

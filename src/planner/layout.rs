@@ -199,15 +199,26 @@ impl Layout {
         edge: &Edge,
     ) -> Vec<(PlaceId, PlaceId)> {
         let mut pairs = Vec::new();
-        for a in self.places_of(from) {
-            for b in self.places_of(to) {
-                let (here, there) = (self.place(a), self.place(b));
-                let same = here.occurrence == there.occurrence;
-                let next =
-                    here.occurrence + 1 == there.occurrence && edge.kind != EdgeKind::Temporal;
-                let flat = self.search == Search::Unconstrained;
-                if flat || ((same || next) && self.may_enter(graph, here.stage, b)) {
-                    pairs.push((a, b));
+        if self.search == Search::Unconstrained {
+            for a in self.places_of(from) {
+                pairs.extend(self.places_of(to).map(|b| (a, b)));
+            }
+            return pairs;
+        }
+        // From a task into itself leads what joins its end to its start, into another round.
+        let is_seam = edge.kind == EdgeKind::CrossTask;
+        let is_round = is_seam && graph.node(from).task == graph.node(to).task;
+        for &occurrence in &self.occurrences[from.index()] {
+            let a = self.at(from, occurrence);
+            let stage = self.place(a).stage;
+            let same = (!is_round).then_some(occurrence);
+            let next = (edge.kind != EdgeKind::Temporal).then_some(occurrence + 1);
+            for there in same.into_iter().chain(next) {
+                if self.occurrences[to.index()].binary_search(&there).is_ok() {
+                    let b = self.at(to, there);
+                    if self.may_enter(graph, stage, b) {
+                        pairs.push((a, b));
+                    }
                 }
             }
         }

@@ -1,4 +1,5 @@
 use std::collections::BTreeSet;
+use std::fmt;
 
 use thiserror::Error;
 
@@ -15,10 +16,12 @@ pub enum Order {
     Choice(Vec<Order>),
     /// The part where a way leads through it, else nothing.
     Optional(Box<Order>),
+    /// The part so many times, one after the other.
+    Repeat(u32, Box<Order>),
 }
 
 impl Order {
-    /// The tasks that it names, as often as it does.
+    /// The tasks that it names, as often as it names them; what is repeated is named once.
     #[must_use]
     pub fn tasks(&self) -> Vec<&str> {
         match self {
@@ -26,8 +29,36 @@ impl Order {
             Self::InOrder(parts) | Self::AnyOrder(parts) | Self::Choice(parts) => {
                 parts.iter().flat_map(Self::tasks).collect()
             }
-            Self::Optional(part) => part.tasks(),
+            Self::Optional(part) | Self::Repeat(_, part) => part.tasks(),
         }
+    }
+
+    /// The lines that [`Display`](fmt::Display) prints, each with how deep it lies in containers.
+    #[must_use]
+    pub fn outline(&self) -> Vec<(usize, String)> {
+        let (head, parts): (String, &[Self]) = match self {
+            Self::Task(task) => (task.clone(), &[]),
+            Self::InOrder(parts) => ("in order".to_owned(), parts),
+            Self::AnyOrder(parts) => ("in any order".to_owned(), parts),
+            Self::Choice(parts) => ("one of".to_owned(), parts),
+            Self::Optional(part) => ("optional".to_owned(), std::slice::from_ref(part)),
+            Self::Repeat(times, part) => (format!("{times} times"), std::slice::from_ref(part)),
+        };
+        let below = parts.iter().flat_map(Self::outline);
+        let mut lines = vec![(0, head)];
+        lines.extend(below.map(|(depth, line)| (depth + 1, line)));
+        lines
+    }
+}
+
+impl fmt::Display for Order {
+    /// A line a task or container, those within a container indented below it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, (depth, line)) in self.outline().iter().enumerate() {
+            let end = if i > 0 { "\n" } else { "" };
+            write!(f, "{end}{:indent$}{line}", "", indent = 2 * depth)?;
+        }
+        Ok(())
     }
 }
 
@@ -100,6 +131,7 @@ impl OrderAutomaton {
                 self.transition(from, to, Some(task.clone()))?;
                 Ok(to)
             }
+            Order::Repeat(0, _) => self.add(&Order::InOrder(Vec::new()), from),
             Order::InOrder(parts) | Order::AnyOrder(parts) if parts.is_empty() => {
                 let to = self.state();
                 self.transition(from, to, None)?;
@@ -120,6 +152,7 @@ impl OrderAutomaton {
                 Ok(to)
             }
             Order::AnyOrder(parts) => self.add_any_order(parts, from),
+            Order::Repeat(times, part) => (0..*times).try_fold(from, |at, _| self.add(part, at)),
         }
     }
 
@@ -238,6 +271,42 @@ impl OrderAutomaton {
         pairs
     }
 
+    /// The tasks that may be the first one.
+    #[must_use]
+    pub fn first_tasks(&self) -> BTreeSet<&str> {
+        let states = self.skipped_to(0).into_iter();
+        let first = states.flat_map(|(state, _)| self.leaving(state));
+        first.filter_map(|t| t.task.as_deref()).collect()
+    }
+
+    /// The least and the greatest sum of what its tasks weigh, over all ways through it.
+    #[must_use]
+    pub fn least_and_most(&self, weight: impl Fn(&str) -> usize) -> (usize, usize) {
+        let mut sums: Vec<Option<(usize, usize)>> = vec![None; self.states];
+        self.sums_from(0, &weight, &mut sums)
+    }
+
+    fn sums_from(
+        &self,
+        state: usize,
+        weight: &impl Fn(&str) -> usize,
+        memo: &mut [Option<(usize, usize)>],
+    ) -> (usize, usize) {
+        if let Some(known) = memo[state] {
+            return known;
+        }
+        let mut sums: Option<(usize, usize)> = None;
+        for transition in self.transitions.iter().filter(|t| t.from == state) {
+            let here = transition.task.as_deref().map_or(0, weight);
+            let (least, most) = self.sums_from(transition.to, weight, memo);
+            let (least, most) = (here + least, here + most);
+            sums = Some(sums.map_or((least, most), |(l, m)| (l.min(least), m.max(most))));
+        }
+        let sums = sums.unwrap_or((0, 0));
+        memo[state] = Some(sums);
+        sums
+    }
+
     /// The tasks that may be the last one.
     #[must_use]
     pub fn last_tasks(&self) -> BTreeSet<&str> {
@@ -277,6 +346,44 @@ impl OrderAutomaton {
         let mut found = Vec::new();
         self.collect(0, &mut Vec::new(), count, &mut found);
         found
+    }
+
+    /// The transitions, as indices, of a way on which these tasks are done in this order, if there is one.
+    #[must_use]
+    pub fn way(&self, tasks: &[String]) -> Option<Vec<usize>> {
+        let mut dead = BTreeSet::new();
+        let mut way = Vec::new();
+        self.find_way(0, tasks, &mut dead, &mut way).then_some(way)
+    }
+
+    fn find_way(
+        &self,
+        state: usize,
+        tasks: &[String],
+        dead: &mut BTreeSet<(usize, usize)>,
+        way: &mut Vec<usize>,
+    ) -> bool {
+        if state == self.last_state() && tasks.is_empty() {
+            return true;
+        }
+        if dead.contains(&(state, tasks.len())) {
+            return false;
+        }
+        for (i, transition) in self.transitions.iter().enumerate() {
+            let rest = match &transition.task {
+                _ if transition.from != state => continue,
+                None => tasks,
+                Some(task) if tasks.first() == Some(task) => &tasks[1..],
+                Some(_) => continue,
+            };
+            way.push(i);
+            if self.find_way(transition.to, rest, dead, way) {
+                return true;
+            }
+            way.pop();
+        }
+        dead.insert((state, tasks.len()));
+        false
     }
 
     fn collect(
@@ -369,6 +476,36 @@ mod tests {
         assert_eq!(last, ["a", "b", "c", "d"]);
         assert_eq!(automaton.way_count(), 12);
         assert_eq!(automaton.orders(100).len(), 12);
+    }
+
+    #[test]
+    fn what_is_repeated_is_done_so_often_and_weighs_so_much() {
+        let order = Order::InOrder(vec![
+            Order::Repeat(2, Box::new(Order::Choice(vec![task("a"), task("bb")]))),
+            task("a"),
+        ]);
+        assert_eq!(orders(&order), ["a a a", "a bb a", "bb a a", "bb bb a"]);
+        let automaton = OrderAutomaton::new(&order).expect("it is small");
+        assert_eq!(automaton.least_and_most(str::len), (3, 5));
+        let named = |names: [&str; 3]| names.map(str::to_owned);
+        let way = automaton
+            .way(&named(["bb", "a", "a"]))
+            .expect("it is allowed");
+        let tasks: Vec<_> = way
+            .iter()
+            .map(|i| automaton.transitions()[*i].task.as_deref())
+            .collect();
+        assert_eq!(tasks, [Some("bb"), Some("a"), Some("a")]);
+        assert_eq!(automaton.way(&named(["a", "a", "bb"])), None);
+        let first: Vec<_> = automaton.first_tasks().into_iter().collect();
+        assert_eq!(first, ["a", "bb"]);
+        assert!(automaton.follows().contains(&("a", "a")));
+        assert_eq!(
+            order.to_string(),
+            "in order\n  2 times\n    one of\n      a\n      bb\n  a"
+        );
+        let many = Order::Repeat(3000, Box::new(task("a")));
+        assert_eq!(OrderAutomaton::new(&many), Err(OrderTooLarge));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! A merged graph as one picture: a block a task, a line a demonstration, and what joins the tasks.
 
+mod automaton;
 mod canvas;
 mod edges;
 mod labels;
@@ -8,6 +9,7 @@ mod route;
 
 use std::path::Path;
 
+pub use automaton::{automaton_svg, write_automaton_svg};
 use canvas::Canvas;
 
 use super::layout::{Frame, GraphLayout};

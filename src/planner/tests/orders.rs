@@ -6,7 +6,7 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
 use super::worlds::{World, free_options, random_world};
-use crate::planner::{FinalChoice, Planner, PlannerOptions, Search, settle_order};
+use crate::planner::{FinalChoice, Planner, PlannerOptions, Search, Terms, settle_order};
 use crate::task::{Automaton, Order, OrderAutomaton, Task};
 
 /// The tasks of a world, in some order of theirs that may leave things open.
@@ -90,7 +90,7 @@ proptest! {
         let order = random_order(&tasks, &mut world.rng);
         let automaton = OrderAutomaton::new(&order).expect("it is small");
         let settled = settle_order(
-            &world.graph, &automaton, &tasks, None, (&FinalChoice::Cheapest, &options),
+            &world.graph, &automaton, &tasks, None, (&Terms::from(&FinalChoice::Cheapest), &options),
         ).expect("the graph has all tasks");
         let best = ways(&automaton, 0)
             .into_iter()

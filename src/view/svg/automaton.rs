@@ -1,0 +1,351 @@
+//! An automaton as a picture: the orders that are allowed above, the stages of the one that is planned below.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::canvas::{Canvas, Type, counted, text_width};
+use crate::planner::{Explanation, PlanPart};
+use crate::task::{OrderAutomaton, OrderTransition};
+use crate::view::palette::{self, GREY, INK, Rgb, STAR};
+use crate::view::{ViewError, file};
+
+const LEFT: f32 = 60.0;
+const LEAST_WIDTH: f32 = 900.0;
+/// Between two states of the orders.
+const LAYER: f32 = 170.0;
+const ROW: f32 = 92.0;
+/// Between two stages.
+const STAGE: f32 = 190.0;
+const STAGES_A_LINE: usize = 6;
+const LINE: f32 = 150.0;
+/// Orders with more transitions are not drawn: nobody could follow them.
+const MOST_TRANSITIONS: usize = 80;
+const PALE: Rgb = Rgb(0xb8, 0xbe, 0xc9);
+
+/// A picture of a composition's automaton as SVG text: which orders of tasks are allowed, the chosen one in
+/// bold, and below its stages, each with the part of the plan that ends it.
+///
+/// Orders of more than 80 transitions are not drawn, only counted.
+#[must_use]
+pub fn automaton_svg(orders: &OrderAutomaton, explanation: &Explanation, title: &str) -> String {
+    let tasks = task_colours(orders, explanation);
+    let shape = Shape::new(orders);
+    let is_drawn = orders.transitions().len() <= MOST_TRANSITIONS;
+    let columns = explanation.parts.len().clamp(1, STAGES_A_LINE) as f32;
+    let mut width = LEAST_WIDTH.max(2.0 * LEFT + columns * STAGE);
+    let mut top = 130.0;
+    if is_drawn {
+        width = width.max(2.0 * LEFT + shape.layers as f32 * LAYER);
+        top += shape.rows.max(1.0) * ROW + 30.0;
+    }
+    let lines = explanation.parts.len().div_ceil(STAGES_A_LINE).max(1) as f32;
+    let mut canvas = Canvas::new(width, top + 40.0 + lines * LINE + 40.0);
+    head(&mut canvas, orders, explanation, title, is_drawn);
+    if is_drawn {
+        let chosen = explanation.orders.listed.iter().find(|o| o.is_chosen);
+        let way = chosen
+            .and_then(|o| orders.way(&o.tasks))
+            .unwrap_or_default();
+        shape.paint(&mut canvas, orders, &way, &tasks);
+    }
+    stages(&mut canvas, explanation, &tasks, top);
+    canvas.finish()
+}
+
+/// Writes [`automaton_svg`] to a file, which is there as a whole or not at all.
+///
+/// # Errors
+/// [`ViewError::FileUnwritable`] when the folder or the file cannot be written.
+pub fn write_automaton_svg(
+    path: &Path,
+    orders: &OrderAutomaton,
+    explanation: &Explanation,
+    title: &str,
+) -> Result<(), ViewError> {
+    file::write(path, automaton_svg(orders, explanation, title).as_bytes())
+}
+
+/// A colour for each task; those of the plan first, as in the picture of the graph.
+fn task_colours<'a>(
+    orders: &'a OrderAutomaton,
+    explanation: &'a Explanation,
+) -> BTreeMap<&'a str, Rgb> {
+    let planned = explanation.stages.iter().map(|s| s.task.as_str());
+    let all = orders
+        .transitions()
+        .iter()
+        .filter_map(|t| t.task.as_deref());
+    let mut colours = BTreeMap::new();
+    for task in planned.chain(all) {
+        let next = palette::task(colours.len());
+        colours.entry(task).or_insert(next);
+    }
+    colours
+}
+
+fn head(
+    canvas: &mut Canvas,
+    orders: &OrderAutomaton,
+    explanation: &Explanation,
+    title: &str,
+    is_drawn: bool,
+) {
+    let set = |size: f32, weight: u32, colour: Rgb| Type {
+        size,
+        weight,
+        colour,
+        anchor: "start",
+    };
+    canvas.text(LEFT - 28.0, 42.0, set(24.0, 700, INK), title);
+    let ways = usize::try_from(orders.way_count()).unwrap_or(usize::MAX);
+    let steps: u32 = explanation.parts.iter().map(|p| p.steps).sum();
+    let cost: f64 = explanation.parts.iter().map(|p| p.cost).sum();
+    let line = format!(
+        "{}   \u{b7}   {}   \u{b7}   plan: {}, cost {cost:.1}, holds with probability {:.3}",
+        counted(ways, "order"),
+        counted(explanation.stages.len(), "subgoal"),
+        counted(steps as usize, "step"),
+        explanation.odds.probability
+    );
+    canvas.text(LEFT - 28.0, 66.0, set(14.0, 400, GREY), &line);
+    let note = if is_drawn {
+        "the orders that are allowed, the planned one in bold"
+    } else {
+        "too many orders to be drawn"
+    };
+    canvas.text(LEFT - 28.0, 98.0, set(13.0, 600, INK), note);
+}
+
+/// Where the states of an automaton of orders stand.
+struct Shape {
+    places: Vec<[f32; 2]>,
+    layer_of: Vec<usize>,
+    layers: usize,
+    /// The height in rows.
+    rows: f32,
+}
+
+impl Shape {
+    /// A state stands as far to the right as the longest way to it is long.
+    fn new(orders: &OrderAutomaton) -> Self {
+        let count = orders.last_state() + 1;
+        let mut layer_of = vec![0_usize; count];
+        for _ in 0..count {
+            for t in orders.transitions() {
+                layer_of[t.to] = layer_of[t.to].max(layer_of[t.from] + 1);
+            }
+        }
+        let layers = layer_of.iter().max().copied().unwrap_or(0);
+        let size = |layer: usize| layer_of.iter().filter(|l| **l == layer).count();
+        let widest = (0..=layers).map(size).max().unwrap_or(1) as f32;
+        // What bends around others needs room too.
+        let bends = bends(orders, &layer_of).into_iter().fold(0.0, f32::max);
+        let rows = widest + bends / ROW;
+        let mut seen = vec![0_usize; layers + 1];
+        let places = layer_of
+            .iter()
+            .map(|layer| {
+                let above = seen[*layer] as f32 - (size(*layer) as f32 - 1.0) / 2.0;
+                seen[*layer] += 1;
+                let middle = 110.0 + rows * ROW / 2.0 + bends / 4.0;
+                [LEFT + *layer as f32 * LAYER, middle + above * ROW]
+            })
+            .collect();
+        Self {
+            places,
+            layer_of,
+            layers,
+            rows,
+        }
+    }
+
+    fn paint(
+        &self,
+        canvas: &mut Canvas,
+        orders: &OrderAutomaton,
+        way: &[usize],
+        tasks: &BTreeMap<&str, Rgb>,
+    ) {
+        let bends = bends(orders, &self.layer_of);
+        let transitions = orders.transitions();
+        for is_chosen in [false, true] {
+            for (i, (transition, bend)) in transitions.iter().zip(&bends).enumerate() {
+                if way.contains(&i) == is_chosen {
+                    self.arrow(canvas, transition, *bend, is_chosen, tasks);
+                }
+            }
+        }
+        let passed = |state: usize| {
+            way.iter()
+                .any(|i| transitions[*i].from == state || transitions[*i].to == state)
+        };
+        for (state, [x, y]) in self.places.iter().enumerate() {
+            let colour = if passed(state) { INK } else { PALE };
+            let radius = if state == orders.last_state() {
+                9.0
+            } else {
+                6.0
+            };
+            circle(canvas, [*x, *y], radius, colour);
+        }
+    }
+
+    fn arrow(
+        &self,
+        canvas: &mut Canvas,
+        transition: &OrderTransition,
+        bend: f32,
+        is_chosen: bool,
+        tasks: &BTreeMap<&str, Rgb>,
+    ) {
+        let ([x0, y0], [x1, y1]) = (self.places[transition.from], self.places[transition.to]);
+        let reach = (x1 - x0) * 0.35;
+        let task = transition.task.as_deref();
+        let colour = match task.and_then(|t| tasks.get(t)) {
+            Some(colour) if is_chosen => *colour,
+            Some(colour) => colour.mixed(Rgb(255, 255, 255), 0.55),
+            None => PALE,
+        };
+        let dashes = if task.is_none() {
+            " stroke-dasharray=\"5 4\""
+        } else {
+            ""
+        };
+        canvas.push(format_args!(
+            "<path d=\"M{x0:.1} {y0:.1}C{:.1} {:.1} {:.1} {:.1} {x1:.1} {y1:.1}\" stroke=\"{}\" \
+             stroke-width=\"{}\"{dashes}/>",
+            x0 + reach,
+            y0 - bend,
+            x1 - reach,
+            y1 - bend,
+            colour.hex(),
+            if is_chosen { 4.0 } else { 1.6 }
+        ));
+        let set = Type {
+            size: 13.0,
+            weight: if is_chosen { 700 } else { 400 },
+            colour: if is_chosen {
+                colour.mixed(INK, 0.25)
+            } else {
+                GREY
+            },
+            anchor: "middle",
+        };
+        // A third of the way along, where arrows that cross in the middle have parted.
+        let (share, rise) = (0.36_f32, 0.69);
+        let x = x0 + (x1 - x0) * share;
+        let smooth = share * share * (3.0 - 2.0 * share);
+        let y = y0 + (y1 - y0) * smooth - bend * rise - 7.0;
+        canvas.text(x, y, set, task.unwrap_or("left out"));
+    }
+}
+
+/// How far each transition bends upwards: around the states that it leads past, and beside those that join
+/// the same states.
+fn bends(orders: &OrderAutomaton, layer_of: &[usize]) -> Vec<f32> {
+    let mut beside: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+    orders
+        .transitions()
+        .iter()
+        .map(|t| {
+            let before = beside.entry((t.from, t.to)).or_insert(0);
+            let span = layer_of[t.to].saturating_sub(layer_of[t.from]).max(1);
+            let bend = 62.0 * (span - 1) as f32 + 46.0 * *before as f32;
+            *before += 1;
+            bend
+        })
+        .collect()
+}
+
+/// The stages of the plan in lines, each with the part of the plan that leads out of it.
+fn stages(canvas: &mut Canvas, explanation: &Explanation, tasks: &BTreeMap<&str, Rgb>, top: f32) {
+    let set = Type {
+        size: 13.0,
+        weight: 600,
+        colour: INK,
+        anchor: "start",
+    };
+    canvas.text(
+        LEFT - 28.0,
+        top,
+        set,
+        "the stages of the plan, and what leads to each subgoal",
+    );
+    let to_subgoals = explanation
+        .parts
+        .iter()
+        .filter(|p| p.subgoal.is_some())
+        .count();
+    let first = explanation.stages.len() - to_subgoals;
+    for (i, part) in explanation.parts.iter().enumerate() {
+        let line = top + 70.0 + (i / STAGES_A_LINE) as f32 * LINE;
+        let x = LEFT + (i % STAGES_A_LINE) as f32 * STAGE;
+        let colour = tasks.get(part.task.as_str()).copied().unwrap_or(INK);
+        canvas.push(format_args!(
+            "<path d=\"M{x:.1} {line:.1}h{STAGE:.1}\" stroke=\"{}\" stroke-width=\"4\"/>",
+            colour.hex()
+        ));
+        caption(canvas, part, [x + STAGE / 2.0, line], colour);
+        stage_circle(canvas, [x, line], first + i);
+        let is_last = i + 1 == explanation.parts.len();
+        let end = [x + STAGE, line];
+        if is_last {
+            canvas.star(end, 13.0, STAR);
+        } else if (i + 1) % STAGES_A_LINE == 0 {
+            stage_circle(canvas, end, first + i + 1);
+        }
+    }
+}
+
+fn stage_circle(canvas: &mut Canvas, at: [f32; 2], stage: usize) {
+    circle(canvas, at, 13.0, INK);
+    let set = Type {
+        size: 12.0,
+        weight: 700,
+        colour: INK,
+        anchor: "middle",
+    };
+    canvas.text(at[0], at[1] + 4.3, set, &stage.to_string());
+}
+
+/// The subgoal above a part of the plan, its steps, cost and probability below.
+fn caption(canvas: &mut Canvas, part: &PlanPart, [x, y]: [f32; 2], colour: Rgb) {
+    let name = part.subgoal.as_deref().unwrap_or("final state");
+    let fit = (STAGE - 34.0) / text_width(name, 1.0).max(1.0);
+    let set = Type {
+        size: fit.clamp(8.0, 13.5),
+        weight: 700,
+        colour: colour.mixed(INK, 0.25),
+        anchor: "middle",
+    };
+    canvas.text(x, y - 24.0, set, name);
+    let small = Type {
+        size: 11.5,
+        anchor: "middle",
+        ..Type::default()
+    };
+    canvas.text(x, y - 10.0, small, &part.task);
+    let numbers = format!(
+        "{}, cost {:.1}",
+        counted(part.steps as usize, "step"),
+        part.cost
+    );
+    canvas.text(x, y + 19.0, small, &numbers);
+    let predicted = match part.predicted_edges {
+        0 => "demonstrated edges only".to_owned(),
+        edges => format!(
+            "{}, P {:.3}",
+            counted(edges, "predicted edge"),
+            part.probability
+        ),
+    };
+    canvas.text(x, y + 34.0, small, &predicted);
+}
+
+fn circle(canvas: &mut Canvas, [x, y]: [f32; 2], radius: f32, colour: Rgb) {
+    canvas.push(format_args!(
+        "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" fill=\"#ffffff\" stroke=\"{}\" \
+         stroke-width=\"3\"/>",
+        colour.hex()
+    ));
+}
