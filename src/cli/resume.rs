@@ -110,3 +110,32 @@ pub(super) fn room(
 fn named(path: &Path) -> String {
     path.display().to_string()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::task::{Subgoal, Task};
+
+    #[test]
+    fn a_stage_is_named_by_its_number_or_by_what_begins_it() {
+        let subgoal = |name: &str| Subgoal {
+            task: "t".to_owned(),
+            name: name.to_owned(),
+        };
+        let automaton = Automaton::in_order(&[Task {
+            name: "t".to_owned(),
+            subgoals: ["open", "held", "done"].map(subgoal).to_vec(),
+        }]);
+        let stage = |name: &str| stage_named(name, &automaton).ok();
+        assert_eq!(
+            ["0", "2", "open", "held"].map(stage),
+            [Some(0), Some(2), Some(1), Some(2)]
+        );
+        assert_eq!(["3", "done", "opened", "-1"].map(stage), [None; 4]);
+        let error = stage_named("opened", &automaton).unwrap_err().to_string();
+        assert!(
+            error.ends_with("it can from: open (1), held (2)"),
+            "{error}"
+        );
+    }
+}

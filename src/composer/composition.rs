@@ -6,6 +6,7 @@ use super::diagnostic::{Diagnostic, Faults};
 use super::diagnostics::Diagnostics;
 use super::environment_config::EnvironmentConfig;
 use super::reader::name_fault;
+use super::region_spec::RegionSpec;
 use super::resolved_task::ResolvedTask;
 use super::source::{Located, printable};
 use crate::graph::TopologicalGraph;
@@ -13,7 +14,7 @@ use crate::planner::{
     AvoidedRegion, FinalChoice, PlannerError, PlannerOptions, SettledOrder, Start, Terms,
     settle_order,
 };
-use crate::task::{Automaton, Order, OrderAutomaton, Subgoal, Task};
+use crate::task::{Automaton, Order, OrderAutomaton, Region, Subgoal, Task};
 
 /// Steps of a run of one task: twice those of a long demonstration.
 const SINGLE_TASK_STEPS: u32 = 200;
@@ -249,6 +250,13 @@ impl Composition {
     #[must_use]
     pub fn final_task(&self) -> Option<&str> {
         self.spec.final_task.as_ref().map(|t| t.value.as_str())
+    }
+
+    /// The regions that are to be passed, and those that must not be, as they were written.
+    #[must_use]
+    pub fn regions(&self) -> (Vec<Region>, Vec<Region>) {
+        let plain = |specs: &[RegionSpec]| specs.iter().map(RegionSpec::region).collect();
+        (plain(&self.spec.via), plain(&self.spec.avoid))
     }
 
     /// Where its plans start, where they may end, and what they do not pass.

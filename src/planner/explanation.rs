@@ -5,10 +5,12 @@ mod ends;
 mod orders;
 mod parts;
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 
 use super::{AuditedEdge, NoPath, Planner};
-use crate::task::{OrderAutomaton, Task};
+use crate::task::{OrderAutomaton, Subgoal, Task};
 
 /// Why a plan is what it is: the automaton, the orders that were open, what each part of the plan costs, how
 /// probable it is to hold, and how the end state of each task was chosen.
@@ -39,6 +41,8 @@ pub struct StageExplained {
     pub task: String,
     /// The subgoal that ends it.
     pub subgoal: String,
+    /// How many demonstrations of the task reach it.
+    pub demonstrations: usize,
 }
 
 /// The orders of tasks that a composition allows.
@@ -110,10 +114,11 @@ pub struct TaskEnds {
     pub is_last: bool,
     /// How many of its demonstrations end with all its subgoals reached.
     pub end_states: usize,
-    /// How many of these have an edge into the next task; for the last task, how many may be final.
+    /// How many of these have an edge into the next task; for the last task, how many may be final and
+    /// can be got to.
     pub leading_on: usize,
-    /// The best states at which a plan may leave the task, by total cost; not more than five, and the
-    /// chosen one.
+    /// The best states at which a plan may leave the task, by total cost, of each demonstration the best
+    /// one; not more than five, the chosen one among them.
     pub candidates: Vec<EndCandidate>,
     /// The end state that is cheapest to get to, for comparison.
     pub nearest: Option<EndCandidate>,
@@ -174,12 +179,21 @@ fn stages(planner: &Planner) -> Vec<StageExplained> {
     let automaton = planner.automaton();
     let offsets = super::layout::stage_offsets(automaton);
     let subgoals = automaton.subgoals().iter().enumerate();
+    let reaching = |subgoal: &Subgoal| {
+        let nodes = planner.graph().nodes().map(|(_, n)| n);
+        let reached = nodes.filter(|n| n.reached.contains(subgoal));
+        reached
+            .map(|n| &n.trajectory)
+            .collect::<BTreeSet<_>>()
+            .len()
+    };
     subgoals
         .map(|(stage, subgoal)| StageExplained {
             stage,
             occurrence: offsets.partition_point(|offset| *offset <= stage) - 1,
             task: subgoal.task.clone(),
             subgoal: subgoal.name.clone(),
+            demonstrations: reaching(subgoal),
         })
         .collect()
 }

@@ -41,6 +41,8 @@ pub struct Layout {
     starts: Vec<u32>,
     successors: Vec<Option<PlaceId>>,
     subgoals: Vec<Subgoal>,
+    /// For each occurrence, how many subgoals the tasks before it have.
+    offsets: Vec<usize>,
     search: Search,
 }
 
@@ -64,6 +66,7 @@ impl Layout {
             starts: Vec::new(),
             successors: Vec::new(),
             subgoals: automaton.subgoals().to_vec(),
+            offsets: offsets.clone(),
             search,
         };
         let mut tasks: Vec<(&str, usize)> = automaton
@@ -179,12 +182,14 @@ impl Layout {
     }
 
     /// Whether a plan that is at `stage` may go to a place next: the place keeps the stage, or
-    /// reaches all that lies between.
+    /// reaches all that lies between. A task is entered when those before it are done, so that a state
+    /// cannot reach the same subgoal of two rounds at once.
     #[must_use]
     pub fn may_enter(&self, graph: &TopologicalGraph, stage: usize, to: PlaceId) -> bool {
         let place = self.place(to);
         self.search == Search::Unconstrained
             || (place.stage >= stage
+                && stage >= self.offsets[place.occurrence]
                 && graph
                     .node(place.node)
                     .reaches(&self.subgoals[stage..place.stage]))

@@ -41,8 +41,28 @@ pub(super) fn sources(planner: &Planner) -> Vec<Source> {
     match &planner.terms.start {
         Start::Beginning => of(&|id| is_first(id) && planner.graph.node(place(id).node).step == 0),
         Start::Anywhere => of(&|id| is_first(id) && place(id).stage == 0),
-        Start::Stage(stage) => of(&|id| place(id).stage == *stage),
+        Start::Stage(stage) => {
+            let begins = begun_by(planner, *stage);
+            let begun = of(&|id| place(id).stage == *stage && begins(place(id).node));
+            if begun.is_empty() {
+                of(&|id| place(id).stage == *stage)
+            } else {
+                begun
+            }
+        }
         Start::After(task) => entries(planner, task, is_flat),
+    }
+}
+
+/// Whether a stage begins at a state: the first one where demonstrations begin, a later one where the subgoal
+/// before it is reached.
+fn begun_by(planner: &Planner, stage: usize) -> impl Fn(NodeId) -> bool {
+    let before = stage
+        .checked_sub(1)
+        .map(|last| &planner.layout.subgoals()[last]);
+    move |node| {
+        let node = planner.graph.node(node);
+        before.map_or(node.step == 0, |subgoal| node.reached.contains(subgoal))
     }
 }
 

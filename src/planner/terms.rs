@@ -18,7 +18,8 @@ pub enum Start {
     /// At the end of another task, whose graph is merged with those of the composition; a plan leads over
     /// an edge from one of its end states.
     After(String),
-    /// At any state at which so many subgoals of the composition are reached.
+    /// At any state at which so many subgoals of the composition are reached. A plan that is made before
+    /// begins where a demonstration reaches the last of them.
     Stage(usize),
 }
 

@@ -10,7 +10,11 @@ impl fmt::Display for Explanation {
         for stage in &self.stages {
             let is_new = occurrence != Some(stage.occurrence);
             let task = if is_new { stage.task.as_str() } else { "" };
-            writeln!(f, "  {:>3}  {task:<12} to {}", stage.stage, stage.subgoal)?;
+            writeln!(
+                f,
+                "  {:>3}  {task:<12} to {} (in {} demonstrations)",
+                stage.stage, stage.subgoal, stage.demonstrations
+            )?;
             occurrence = Some(stage.occurrence);
         }
         writeln!(f, "  {:>3}  {:<12} all is done", self.stages.len(), "")?;
@@ -92,7 +96,7 @@ impl fmt::Display for TaskEnds {
     /// The last line without an end of line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let what = if self.is_last {
-            "may be final"
+            "may be final and can be got to"
         } else {
             "have an edge into the next task"
         };

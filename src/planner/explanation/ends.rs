@@ -173,6 +173,14 @@ impl Work<'_> {
                 .then(rank(a.1).cmp(&rank(b.1)))
                 .then(a.1.cmp(&b.1))
         });
+        let mut seen: Vec<&str> = Vec::new();
+        priced.retain(|(_, id)| {
+            let node = self.planner.layout.place(*id).node;
+            let trajectory = self.planner.graph.node(node).trajectory.as_str();
+            let is_new = !seen.contains(&trajectory);
+            seen.push(trajectory);
+            is_new || Some(*id) == chosen
+        });
         let at = priced.iter().position(|(_, id)| Some(*id) == chosen);
         if let Some(at) = at.filter(|at| *at >= LISTED) {
             priced.swap(at, LISTED - 1);
@@ -250,7 +258,11 @@ impl Work<'_> {
             occurrence: self.occurrence,
             is_last: self.is_last,
             end_states: ends.len(),
-            leading_on: planner.finals.len(),
+            leading_on: planner
+                .finals
+                .iter()
+                .filter(|id| self.outward.costs.cost(**id).is_some())
+                .count(),
             candidates: self.best(&open, chosen),
             nearest: self.nearest(&ends, chosen),
             reason: reason.to_owned(),

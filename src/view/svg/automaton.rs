@@ -39,7 +39,7 @@ pub fn automaton_svg(orders: &OrderAutomaton, explanation: &Explanation, title: 
         top += shape.rows.max(1.0) * ROW + 30.0;
     }
     let lines = explanation.parts.len().div_ceil(STAGES_A_LINE).max(1) as f32;
-    let mut canvas = Canvas::new(width, top + 40.0 + lines * LINE + 40.0);
+    let mut canvas = Canvas::new(width, top + 70.0 + (lines - 1.0) * LINE + 70.0);
     head(&mut canvas, orders, explanation, title, is_drawn);
     if is_drawn {
         let chosen = explanation.orders.listed.iter().find(|o| o.is_chosen);
@@ -348,4 +348,103 @@ fn circle(canvas: &mut Canvas, [x, y]: [f32; 2], radius: f32, colour: Rgb) {
          stroke-width=\"3\"/>",
         colour.hex()
     ));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::planner::{OrderExplained, OrdersExplained, PlanOdds, StageExplained};
+    use crate::task::Order;
+
+    fn task(name: &str) -> Order {
+        Order::Task(name.to_owned())
+    }
+
+    /// A plan that does these tasks, a subgoal and a step each.
+    fn explained(tasks: &[&str]) -> Explanation {
+        let stage = |(stage, task): (usize, &&str)| StageExplained {
+            stage,
+            occurrence: stage,
+            task: (*task).to_owned(),
+            subgoal: format!("{task}_done"),
+            demonstrations: 1,
+        };
+        let part = |task: &&str| PlanPart {
+            task: (*task).to_owned(),
+            subgoal: Some(format!("{task}_done")),
+            from: String::new(),
+            to: String::new(),
+            steps: 1,
+            cost: 1.0,
+            probability: 0.5,
+            predicted_edges: 1,
+        };
+        Explanation {
+            stages: tasks.iter().enumerate().map(stage).collect(),
+            orders: OrdersExplained {
+                way_count: 2,
+                planned: 1,
+                connected: 1,
+                listed: vec![OrderExplained {
+                    tasks: tasks.iter().map(|t| (*t).to_owned()).collect(),
+                    cost: Some(1.0),
+                    steps: Some(1),
+                    is_chosen: true,
+                }],
+            },
+            parts: tasks.iter().map(part).collect(),
+            odds: PlanOdds {
+                probability: 0.25,
+                predicted_edges: Vec::new(),
+                assumption: String::new(),
+            },
+            ends: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_planned_order_is_bold_and_its_stages_are_named() {
+        let order = Order::AnyOrder(vec![task("sock"), task("trash")]);
+        let orders = OrderAutomaton::new(&order).expect("it is small");
+        let drawn = automaton_svg(&orders, &explained(&["trash", "sock"]), "both");
+        let bold = drawn.matches("stroke-width=\"4\"").count();
+        // Two arrows among the orders, two parts of the plan.
+        assert_eq!(
+            (bold, drawn.matches("stroke-width=\"1.6\"").count()),
+            (4, 2)
+        );
+        for text in [
+            "trash_done",
+            "sock_done",
+            "2 orders",
+            "holds with probability 0.250",
+        ] {
+            assert!(drawn.contains(text), "{text} is missing");
+        }
+        assert_eq!(drawn.matches("<polygon").count(), 1, "one star at the end");
+    }
+
+    #[test]
+    fn optional_parts_bend_around_what_is_left_out() {
+        let order = Order::InOrder(vec![Order::Optional(Box::new(task("a"))), task("b")]);
+        let orders = OrderAutomaton::new(&order).expect("it is small");
+        let shape = Shape::new(&orders);
+        let bent = bends(&orders, &shape.layer_of);
+        let left_out = orders.transitions().iter().position(|t| t.task.is_none());
+        assert!(bent[left_out.expect("it may be left out")] > 0.0);
+        let drawn = automaton_svg(&orders, &explained(&["a", "b"]), "a and b");
+        assert!(drawn.contains("left out") && drawn.contains("stroke-dasharray"));
+    }
+
+    #[test]
+    fn too_many_orders_are_counted_only() {
+        let many = (0..6).map(|i| task(&i.to_string())).collect();
+        let orders = OrderAutomaton::new(&Order::AnyOrder(many)).expect("it is not too large");
+        let tasks: Vec<String> = (0..6).map(|i| i.to_string()).collect();
+        let names: Vec<&str> = tasks.iter().map(String::as_str).collect();
+        let drawn = automaton_svg(&orders, &explained(&names), "many");
+        assert!(drawn.contains("too many orders to be drawn") && drawn.contains("720 orders"));
+        let bold = drawn.matches("stroke-width=\"4\"").count();
+        assert_eq!(bold, 6, "the stages of the plan are drawn all the same");
+    }
 }
