@@ -6,7 +6,7 @@ use super::arguments::{Arguments, ComposeArguments};
 use super::error::CliError;
 use super::graph::results_folder;
 use super::loaded::Loaded;
-use crate::graph::TopologicalGraph;
+use crate::graph::{EdgeKind, TopologicalGraph};
 use crate::planner::{Audit, Explanation, Plan, Planner};
 use crate::view::write_automaton_svg;
 
@@ -104,7 +104,7 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
         graph.edge_count(),
         graph
             .edges()
-            .filter(|(_, _, e)| e.kind == crate::graph::EdgeKind::CrossTask)
+            .filter(|(_, _, e)| e.kind == EdgeKind::CrossTask)
             .count(),
     );
     let _ = writeln!(
@@ -132,9 +132,15 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
         );
     }
     let mut task = "";
-    for (i, node) in planned.plan.route.iter().enumerate() {
-        let node = graph.node(*node);
-        if node.task != task {
+    let route = &planned.plan.route;
+    for (i, id) in route.iter().enumerate() {
+        let node = graph.node(*id);
+        // A task that is done again is entered by an edge between tasks too.
+        let before = i
+            .checked_sub(1)
+            .and_then(|before| graph.edge(route[before], *id));
+        let is_entered = before.is_some_and(|e| e.kind == EdgeKind::CrossTask);
+        if node.task != task || is_entered {
             task = &node.task;
             let _ = writeln!(text, "  {task}: joins {}", node.place());
         }

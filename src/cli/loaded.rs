@@ -148,7 +148,7 @@ impl Loaded {
     }
 
     /// A planner of the composition on another graph of its tasks, whose states are numbered otherwise:
-    /// nothing is avoided.
+    /// nothing is avoided, and nothing left out.
     pub(super) fn planner_on(
         &self,
         graph: Arc<TopologicalGraph>,
@@ -165,6 +165,7 @@ impl Loaded {
     fn terms_without_regions(&self) -> Terms {
         Terms {
             avoid: Vec::new(),
+            unplaced: Vec::new(),
             ..self.composition.terms()
         }
     }

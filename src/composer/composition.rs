@@ -9,7 +9,7 @@ use super::reader::name_fault;
 use super::region_spec::RegionSpec;
 use super::resolved_task::ResolvedTask;
 use super::source::{Located, printable};
-use crate::graph::TopologicalGraph;
+use crate::graph::{NodeId, TopologicalGraph};
 use crate::planner::{
     AvoidedRegion, FinalChoice, PlannerError, PlannerOptions, SettledOrder, Start, Terms,
     settle_order,
@@ -64,6 +64,8 @@ pub struct Composition {
     pub environment: Option<EnvironmentConfig>,
     /// What may not be meant as written, though it works.
     pub warnings: Vec<Diagnostic>,
+    /// States of demonstrations that do not pass what is to be passed, where that matters.
+    pub(super) unplaced: Vec<NodeId>,
     /// Subgoals of `via`, each with how many of its task's own subgoals come before it.
     pub(super) via: Vec<(usize, Subgoal)>,
     pub(super) spec: CompositionSpec,
@@ -144,6 +146,7 @@ impl Composition {
             start,
             avoid: Vec::new(),
             via: Vec::new(),
+            unplaced: Vec::new(),
             model: model?,
             final_choice: spec.final_choice.value.clone(),
             on_shortcut: spec.on_shortcut,
@@ -266,6 +269,7 @@ impl Composition {
             start: self.start.clone(),
             end: self.final_choice.clone(),
             avoid: self.avoid.clone(),
+            unplaced: self.unplaced.clone(),
         }
     }
 

@@ -126,6 +126,7 @@ impl Composition {
     ) -> Result<TopologicalGraph, Diagnostics> {
         let mut faults = Faults::default();
         self.via.clear();
+        self.unplaced.clear();
         let avoid = self.avoided(&graph, &mut faults);
         let found: Vec<Option<(Subgoal, usize, Vec<NodeId>)>> = self
             .spec
@@ -140,7 +141,9 @@ impl Composition {
             // Those of the same stretch are passed in the order in which they are written.
             let earlier = self.via.iter();
             let earlier = earlier.filter(|(at, s)| s.task == subgoal.task && *at <= stretch);
-            mark_subgoal(&mut graph, &subgoal, stretch + earlier.count(), &states);
+            let at = stretch + earlier.count();
+            let beside = mark_subgoal(&mut graph, &subgoal, at, &states);
+            self.unplaced.extend(beside);
             self.via.push((stretch, subgoal));
         }
         self.avoid = avoid;

@@ -138,27 +138,30 @@ fn check(graph: &TopologicalGraph, region: &Region) -> Result<(), RegionError> {
     Ok(())
 }
 
-/// States that predicted edges within a task, of at most so many steps, join to and from one of these.
+/// States to which a learned edge of at most so many steps leads from one of these, and from which one leads
+/// back to one of these.
 fn alike(graph: &TopologicalGraph, states: &BTreeSet<NodeId>, steps: u32) -> BTreeSet<NodeId> {
-    let near = |kind: EdgeKind, length: u32| kind == EdgeKind::Learned && length <= steps;
-    let mut to: BTreeSet<(NodeId, NodeId)> = BTreeSet::new();
-    let mut from: BTreeSet<(NodeId, NodeId)> = BTreeSet::new();
-    for (a, b, _) in graph.edges().filter(|(_, _, e)| near(e.kind, e.steps)) {
-        if states.contains(&a) && !states.contains(&b) {
-            to.insert((a, b));
+    let mut left = BTreeSet::new();
+    let mut entered = BTreeSet::new();
+    let edges = graph.edges();
+    for (from, to, _) in edges.filter(|(_, _, e)| e.kind == EdgeKind::Learned && e.steps <= steps) {
+        if states.contains(&from) {
+            entered.insert(to);
         }
-        if states.contains(&b) && !states.contains(&a) {
-            from.insert((b, a));
+        if states.contains(&to) {
+            left.insert(from);
         }
     }
-    to.intersection(&from).map(|(_, b)| *b).collect()
+    entered.intersection(&left).copied().collect()
 }
 
 /// Makes passing a region a subgoal: in each demonstration its marker stands at the first state of the
 /// region at which `at` subgoals of its task hold, and from there on it counts as reached. Where a
 /// demonstration does not pass, it is not reached before the next subgoal is, which thus skips it.
 ///
-/// Returns how many demonstrations pass.
+/// Returns the states between the two subgoals, or before the first one, of demonstrations that do not pass: a
+/// robot there cannot be told from one that has passed, so they are best left out
+/// ([`Terms::unplaced`](crate::planner::Terms::unplaced)).
 ///
 /// # Panics
 /// If a state is not in the graph.
@@ -167,7 +170,7 @@ pub fn mark_subgoal(
     subgoal: &Subgoal,
     at: usize,
     region: &[NodeId],
-) -> usize {
+) -> Vec<NodeId> {
     let at = at as u32;
     let mut entered: BTreeMap<String, u32> = BTreeMap::new();
     for id in region {
@@ -177,17 +180,22 @@ pub fn mark_subgoal(
             *step = node.step.min(*step);
         }
     }
-    for node in graph.nodes_mut().filter(|n| n.task == subgoal.task) {
+    let mut beside = Vec::new();
+    let nodes = (0..).map(NodeId).zip(graph.nodes_mut());
+    for (id, node) in nodes.filter(|(_, n)| n.task == subgoal.task) {
         let step = entered.get(&node.trajectory);
         if step == Some(&node.step) && node.progress == at {
             node.reached.push(subgoal.clone());
+        }
+        if step.is_none() && node.progress == at {
+            beside.push(id);
         }
         let has_passed = node.progress == at && step.is_some_and(|step| *step <= node.step);
         if node.progress > at || has_passed {
             node.progress += 1;
         }
     }
-    entered.len()
+    beside
 }
 
 #[cfg(test)]
@@ -230,17 +238,17 @@ mod tests {
     }
 
     #[test]
-    fn states_that_are_alike_are_joined_both_ways() {
+    fn states_that_are_alike_lie_between_states_of_the_region() {
         let mut graph = graph();
         let alike = Edge::predicted(EdgeKind::Learned, &[0.9, 0.0, 0.0, 0.0, 0.1]);
-        graph.add_edge(NodeId(1), NodeId(7), alike.clone());
+        graph.add_edge(NodeId(0), NodeId(7), alike.clone());
         graph.add_edge(NodeId(7), NodeId(1), alike.clone());
         graph.add_edge(NodeId(1), NodeId(8), alike);
         let region = Region::of("walk")
             .demonstration("w0")
-            .steps(1..=1)
+            .steps(0..=1)
             .within_steps(1);
-        assert_eq!(steps(&graph, &region).unwrap(), ["w0:1", "w1:1"]);
+        assert_eq!(steps(&graph, &region).unwrap(), ["w0:0", "w0:1", "w1:1"]);
     }
 
     #[test]
@@ -268,8 +276,12 @@ mod tests {
             task: "walk".to_owned(),
             name: "door".to_owned(),
         };
-        let passing = mark_subgoal(&mut graph, &door, 1, &[NodeId(3), NodeId(4)]);
-        assert_eq!(passing, 1);
+        let beside = mark_subgoal(&mut graph, &door, 1, &[NodeId(3), NodeId(4)]);
+        assert_eq!(
+            beside,
+            [8, 9, 10].map(NodeId),
+            "of the one that does not pass"
+        );
         let progress: Vec<u32> = graph.nodes().map(|(_, n)| n.progress).collect();
         assert_eq!(progress, [0, 0, 1, 2, 2, 3, 0, 0, 1, 1, 1, 3]);
         assert!(graph.node(NodeId(3)).reaches(std::slice::from_ref(&door)));

@@ -22,7 +22,8 @@ pub struct Explanation {
     pub stages: Vec<StageExplained>,
     /// The orders of tasks that were open.
     pub orders: OrdersExplained,
-    /// The plan, subgoal by subgoal; the last part leads to the final state.
+    /// The plan, subgoal by subgoal; the last part leads to the final state. One that is not searched in
+    /// order has that part only.
     pub parts: Vec<PlanPart>,
     /// How probable the plan is to hold.
     pub odds: PlanOdds,
@@ -120,7 +121,8 @@ pub struct TaskEnds {
     /// The best states at which a plan may leave the task, by total cost, of each demonstration the best
     /// one; not more than five, the chosen one among them.
     pub candidates: Vec<EndCandidate>,
-    /// The end state that is cheapest to get to, for comparison.
+    /// The end state that is cheapest to get to, for comparison; of the last task only where it is cheaper
+    /// than the chosen one.
     pub nearest: Option<EndCandidate>,
     /// Why the chosen one is.
     pub reason: String,

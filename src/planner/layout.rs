@@ -1,3 +1,5 @@
+use std::collections::HashSet;
+
 use super::timeline::Timeline;
 use super::{PlannerError, Search};
 use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph};
@@ -57,6 +59,16 @@ impl Layout {
         automaton: &Automaton,
         search: Search,
     ) -> Result<Self, PlannerError> {
+        Self::without(graph, automaton, search, &HashSet::new())
+    }
+
+    /// The same without places for some nodes.
+    pub(super) fn without(
+        graph: &TopologicalGraph,
+        automaton: &Automaton,
+        search: Search,
+        unplaced: &HashSet<NodeId>,
+    ) -> Result<Self, PlannerError> {
         check(graph, automaton)?;
         let offsets = stage_offsets(automaton);
         let mut layout = Self {
@@ -78,7 +90,7 @@ impl Layout {
         if search == Search::Unconstrained {
             layout.add_strangers(graph, &mut tasks);
         }
-        layout.add_occurrences(graph, &tasks);
+        layout.add_occurrences(graph, &tasks, unplaced);
         layout.find_successors(graph);
         Ok(layout)
     }
@@ -100,12 +112,19 @@ impl Layout {
         *tasks = once;
     }
 
-    fn add_occurrences(&mut self, graph: &TopologicalGraph, tasks: &[(&str, usize)]) {
+    fn add_occurrences(
+        &mut self,
+        graph: &TopologicalGraph,
+        tasks: &[(&str, usize)],
+        unplaced: &HashSet<NodeId>,
+    ) {
         let mut start_steps = 0.0;
         for (occurrence, (task, offset)) in tasks.iter().enumerate() {
             let timeline = Timeline::new(graph, task);
             self.starts.push(self.places.len() as u32);
-            for (rank, (&node, time)) in timeline.time_steps.iter().enumerate() {
+            let times = timeline.time_steps.iter();
+            let placed = times.filter(|(node, _)| !unplaced.contains(node));
+            for (rank, (&node, time)) in placed.enumerate() {
                 self.ranks[node.index()] = rank as u32;
                 self.occurrences[node.index()].push(occurrence);
                 self.places.push(Place {
@@ -124,8 +143,10 @@ impl Layout {
         for (from, to, edge) in graph.edges() {
             if edge.kind == EdgeKind::Temporal {
                 for &occurrence in &self.occurrences[from.index()] {
-                    let (a, b) = (self.at(from, occurrence), self.at(to, occurrence));
-                    self.successors[a.index()] = Some(b);
+                    if self.occurrences[to.index()].contains(&occurrence) {
+                        let (a, b) = (self.at(from, occurrence), self.at(to, occurrence));
+                        self.successors[a.index()] = Some(b);
+                    }
                 }
             }
         }

@@ -168,10 +168,13 @@ impl<'a> Product<'a> {
         let mut roads = Vec::new();
         let left_out = left_out(self.graph, &options.predicted_edges);
         let avoided = terms.avoided();
+        let strangers = terms.strangers();
         let is_closed = |from: NodeId, to: NodeId| {
             left_out.contains(&(from, to))
                 || avoided.contains_key(&from)
                 || avoided.contains_key(&to)
+                || strangers.contains(&from)
+                || strangers.contains(&to)
         };
         for (next, skips) in self.next(0) {
             if let Some(occurrence) = next {
@@ -204,7 +207,8 @@ impl<'a> Product<'a> {
                 continue;
             };
             for node in self.timelines[task.name.as_str()].time_steps.keys() {
-                if !avoided.contains_key(node) && self.is_final(*node, task, &terms.end) {
+                let is_open = !avoided.contains_key(node) && !strangers.contains(node);
+                if is_open && self.is_final(*node, task, &terms.end) {
                     roads.push(link(self.place(occurrence, *node), self.goal().0, *skips));
                 }
             }

@@ -96,7 +96,7 @@ impl Planner {
         options: PlannerOptions,
     ) -> Result<Self, PlannerError> {
         let terms = terms.into();
-        let layout = Layout::new(&graph, automaton, options.search)?;
+        let layout = Layout::without(&graph, automaton, options.search, &terms.strangers())?;
         check_start(&graph, automaton, &terms.start)?;
         let avoided = terms.avoided();
         let mut finals = final_places(&graph, automaton, &layout, &terms.end)?;
@@ -296,8 +296,13 @@ impl Planner {
     pub fn stage_filter(&self, options: FilterOptions) -> StageFilter {
         let layout = match self.options.search {
             Search::InOrder => self.layout.clone(),
-            Search::Unconstrained => Layout::new(&self.graph, &self.automaton, Search::InOrder)
-                .expect("the planner's own layout names the same tasks"),
+            Search::Unconstrained => Layout::without(
+                &self.graph,
+                &self.automaton,
+                Search::InOrder,
+                &self.terms.strangers(),
+            )
+            .expect("the planner's own layout names the same tasks"),
         };
         StageFilter::beginning(layout, options, self.outset())
     }

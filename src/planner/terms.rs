@@ -1,4 +1,4 @@
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use serde::{Deserialize, Serialize};
 
@@ -42,9 +42,16 @@ pub struct Terms {
     pub end: FinalChoice,
     /// What neither a plan nor a goal state on the way may touch.
     pub avoid: Vec<AvoidedRegion>,
+    /// States that are no part of the composition: neither planned over nor believed in.
+    pub unplaced: Vec<NodeId>,
 }
 
 impl Terms {
+    /// The states that are no part of the composition.
+    pub(super) fn strangers(&self) -> HashSet<NodeId> {
+        self.unplaced.iter().copied().collect()
+    }
+
     /// The state of each avoided region, with the region's place in the list.
     pub(super) fn avoided(&self) -> HashMap<NodeId, usize> {
         let regions = self.avoid.iter().enumerate();

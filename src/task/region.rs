@@ -26,8 +26,8 @@ pub struct Region {
     pub after: Option<String>,
     /// A subgoal of the task that does not hold there yet.
     pub before: Option<String>,
-    /// Also states of other demonstrations that predicted edges of at most so many steps join to and from
-    /// one of these: the same place, seen by somebody else. 0 for none.
+    /// Also states of other demonstrations to which a learned edge of at most so many steps leads from one of
+    /// these, and from which one leads to one of these: the same way, seen by somebody else. 0 for none.
     pub within_steps: u32,
 }
 
@@ -81,7 +81,7 @@ impl Region {
         self
     }
 
-    /// Also states of other demonstrations that are so many predicted steps away, there and back.
+    /// Also states of other demonstrations that learned edges of so many steps join to these, both ways.
     #[must_use]
     pub fn within_steps(mut self, steps: u32) -> Self {
         self.within_steps = steps;

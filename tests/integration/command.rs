@@ -257,7 +257,7 @@ fn a_run_goes_on_from_the_stage_that_an_earlier_one_had_come_to() {
             "--out",
             path(&second),
         ];
-        catena(&[&words, more].concat())
+        catena(&[&words[..], more].concat())
     };
     let output = resume("drawer_open", &["--from", path(&recording)]);
     assert!(output.status.success(), "{}", text(&output.stderr));
@@ -296,7 +296,7 @@ fn a_plan_is_explained_in_words_and_as_json() {
             "--explain",
             "--out",
         ];
-        succeeded(&[&words, &[path(&out)], more].concat())
+        succeeded(&[&words[..], &[path(&out)], more].concat())
     };
     let explained: serde_json::Value = serde_json::from_str(&compose(&["--json"])).expect("JSON");
     let explanation = &explained["explanation"];

@@ -10,9 +10,10 @@ impl fmt::Display for Explanation {
         for stage in &self.stages {
             let is_new = occurrence != Some(stage.occurrence);
             let task = if is_new { stage.task.as_str() } else { "" };
+            let plural = if stage.demonstrations == 1 { "" } else { "s" };
             writeln!(
                 f,
-                "  {:>3}  {task:<12} to {} (in {} demonstrations)",
+                "  {:>3}  {task:<12} to {} (in {} demonstration{plural})",
                 stage.stage, stage.subgoal, stage.demonstrations
             )?;
             occurrence = Some(stage.occurrence);

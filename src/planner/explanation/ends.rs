@@ -3,7 +3,7 @@ use super::{EndCandidate, TaskEnds};
 use crate::planner::choice::final_places;
 use crate::planner::layout::stage_offsets;
 use crate::planner::roads::Roads;
-use crate::planner::{CostToGo, FinalChoice, PlaceId, Planner};
+use crate::planner::{CostToGo, FinalChoice, PlaceId, Planner, Search};
 
 /// Candidates that are listed for each task.
 const LISTED: usize = 5;
@@ -73,10 +73,15 @@ pub(super) fn ends(planner: &Planner, trip: &Trip) -> Vec<TaskEnds> {
     let outward = Outward::new(planner);
     let tasks = planner.automaton().tasks();
     let offsets = stage_offsets(planner.automaton());
-    let entered = trip
+    let first = trip
         .places
         .first()
-        .map_or(0, |p| planner.layout.place(*p).occurrence);
+        .map(|p| planner.layout.place(*p).occurrence);
+    let entered = match planner.layout.search() {
+        Search::InOrder => first.unwrap_or(0),
+        // Where a plan of the paper leaves a task says nothing of the task's end.
+        Search::Unconstrained => tasks.len() - 1,
+    };
     (entered..tasks.len())
         .map(|occurrence| {
             let is_last = occurrence + 1 == tasks.len();
@@ -245,6 +250,9 @@ impl Work<'_> {
                 .contains_key(&planner.layout.place(*id).node)
         });
         let chosen = self.trip.places.last().copied();
+        let cost = chosen
+            .and_then(|c| self.outward.costs.cost(c))
+            .unwrap_or(0.0);
         let reason = match &planner.terms.end {
             FinalChoice::Cheapest => {
                 "cheapest from the start; another may become cheapest on the way"
@@ -264,7 +272,7 @@ impl Work<'_> {
                 .filter(|id| self.outward.costs.cost(**id).is_some())
                 .count(),
             candidates: self.best(&open, chosen),
-            nearest: self.nearest(&ends, chosen),
+            nearest: self.nearest(&ends, chosen).filter(|n| n.cost_to < cost),
             reason: reason.to_owned(),
         }
     }

@@ -1,7 +1,7 @@
 use super::{PlanOdds, PlanPart};
 use crate::graph::{EdgeKind, NodeId, TopologicalGraph};
 use crate::planner::source::Source;
-use crate::planner::{AuditedEdge, PlaceId, Plan, Planner};
+use crate::planner::{AuditedEdge, PlaceId, Plan, Planner, Search};
 
 /// A plan as places and the roads between them.
 pub(super) struct Trip {
@@ -107,6 +107,10 @@ pub(super) fn parts(planner: &Planner, trip: &Trip) -> Vec<PlanPart> {
     let mut at = first.stage;
     if trip.source.is_some_and(|s| s.before.is_some()) {
         at = 0;
+    }
+    if planner.layout.search() == Search::Unconstrained {
+        // It may reach subgoals in any order or not at all, so that it has no parts.
+        at = subgoals.len();
     }
     let mut parts = Vec::new();
     for due in at..=subgoals.len() {

@@ -164,12 +164,18 @@ fn what_is_passed_is_a_subgoal_between_the_others() {
     };
     let region = Region::of("b").demonstration("b1").steps(2..=4);
     let states = states_in(&graph, &region, &b.subgoals).expect("they are there");
-    assert_eq!(mark_subgoal(&mut graph, &window, 0, &states), 1);
+    let beside = mark_subgoal(&mut graph, &window, 0, &states);
+    // Before their first subgoal at 8 the two others have eight states each.
+    assert_eq!(beside.len(), 16);
     let mut passing = b;
     passing.subgoals.insert(0, window);
     let automaton = Automaton::in_order(&[a, passing]);
     let graph = Arc::new(graph);
-    let planner = Planner::new(graph.clone(), &automaton, &FinalChoice::Cheapest, options());
+    let terms = Terms {
+        unplaced: beside.clone(),
+        ..Terms::default()
+    };
+    let planner = Planner::new(graph.clone(), &automaton, terms, options());
     let planner = planner.expect("both tasks are there");
     let plan = planner.plan_from_start().expect("a way leads through b1");
     assert!(
@@ -178,6 +184,19 @@ fn what_is_passed_is_a_subgoal_between_the_others() {
         plan.route
     );
     assert!(planner.audit(&plan).is_clean());
+    assert!(plan.route.iter().all(|node| !beside.contains(node)));
+    // A robot that passes is seen to, though others saw the same without.
+    let mut filter = planner.stage_filter(FilterOptions::default());
+    let mut stages = Vec::new();
+    for x in 0..=40 {
+        stages.push(filter.update(&seen_from(&graph, x as f32)).stage);
+    }
+    assert!(stages.is_sorted(), "{stages:?}");
+    assert_eq!(
+        (stages[21], stages[26], stages[40]),
+        (2, 3, 5),
+        "{stages:?}"
+    );
 }
 
 #[test]
