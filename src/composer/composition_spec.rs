@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use super::environment_config::EnvironmentConfig;
 use super::order_spec::read_order;
 use super::planner_spec::read_planner;
-use super::reader::Reader;
+use super::reader::{Reader, suggestion};
 use super::region_spec::{RegionSpec, read_regions};
 use super::source::Located;
 use super::yaml::{Node, Value};
@@ -227,13 +227,21 @@ impl CompositionSpec {
 /// `beginning`, `anywhere` or `{from: task}`.
 fn read_start(node: &Node, reader: &mut Reader<'_>) -> Option<StartSpec> {
     if !matches!(node.value, Value::Map(_)) {
-        let choices = [("beginning", false), ("anywhere", true)];
-        let is_anywhere = reader.choice(node, "start", &choices)?;
-        return Some(if is_anywhere {
-            StartSpec::Anywhere
-        } else {
-            StartSpec::Beginning
-        });
+        let words = ["beginning", "anywhere"];
+        return match node.as_text() {
+            Some("beginning") => Some(StartSpec::Beginning),
+            Some("anywhere") => Some(StartSpec::Anywhere),
+            Some(text) => {
+                let help = suggestion(text, words, "choose one of");
+                let help = format!("{help}, or {{from: sock}}, at the end of a task");
+                reader.ambiguous(node, &format!("start cannot be '{text}'"), &help);
+                None
+            }
+            None => {
+                reader.misfit(node, "start", "beginning, anywhere or {from: sock}");
+                None
+            }
+        };
     }
     let fields = reader.fields(node, "start", &["from"])?;
     let help = "write 'beginning', 'anywhere' or {from: sock}: at the end of that task";

@@ -95,8 +95,16 @@ fn read_repeat(
     tasks: &mut Vec<Located<String>>,
     reader: &mut Reader<'_>,
 ) -> Option<Order> {
-    let fields = reader.fields(node, "repeat", &["times", "do"])?;
     let help = "say how often and what: 'repeat: {times: 3, do: [sock]}'";
+    if !matches!(node.value, Value::Map(_) | Value::Reported) {
+        let message = format!(
+            "repeat must say how often and what, but is {}",
+            node.describe()
+        );
+        reader.ambiguous(node, &message, help);
+        return None;
+    }
+    let fields = reader.fields(node, "repeat", &["times", "do"])?;
     let times = reader
         .required(&fields, "times", help)
         .and_then(|n| reader.integer(n, "times", &(1..=MAX_TIMES)));
