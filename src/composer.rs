@@ -28,6 +28,7 @@ mod region_spec;
 mod regions;
 mod resolved_task;
 mod source;
+mod spec_check;
 mod task_spec;
 mod yaml;
 

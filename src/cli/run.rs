@@ -214,7 +214,7 @@ fn print_outcome(
     } else {
         "no success"
     };
-    let resumed = resumed.map_or_else(String::new, |r| r.to_string());
+    let resumed = resumed.map_or_else(String::new, ToString::to_string);
     println!(
         "{verdict} after {} steps{resumed} ({})",
         result.steps, result.ended

@@ -134,8 +134,12 @@ mod tests {
             name: "wine".to_owned(),
             subgoals: subgoals.to_vec(),
         };
-        let room =
-            || ScoredBedroom::new(Bedroom::new(config), &Automaton::in_order(&[wine.clone()]));
+        let room = || {
+            ScoredBedroom::new(
+                Bedroom::new(config),
+                &Automaton::in_order(std::slice::from_ref(&wine)),
+            )
+        };
         let mut resumed = ResumedBedroom::new(room(), recorded, 3, 1).expect("it was grasped");
         let marker = recorded.markers.iter().find(|m| m.name == "tissue_grasped");
         let grasped = marker.expect("it was marked").step;

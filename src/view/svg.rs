@@ -5,6 +5,7 @@ mod canvas;
 mod edges;
 mod labels;
 mod legend;
+mod orders;
 mod route;
 
 use std::path::Path;

@@ -124,8 +124,7 @@ fn regions_that_a_graph_does_not_have_are_told() {
     let (graph, _) = load_graph(&composition.tasks[0].graph).expect("the shipped graph");
     let faults = composition
         .place_regions(graph)
-        .err()
-        .expect("nothing of it is there");
+        .expect_err("nothing of it is there");
     snapshot("regions_not_in_the_graph", &faults.render(Rendering::Plain));
 }
 

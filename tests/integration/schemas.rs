@@ -109,11 +109,11 @@ fn schema(name: &str) -> Value {
 }
 
 /// What the schema that a file is meant for says of it; `None` for what is no YAML at all.
-fn judged(text: &str) -> Option<Option<String>> {
+fn judged(text: &str) -> Option<Result<(), String>> {
     let value: Value = serde_yaml::from_str(text).ok()?;
     let is_task = value.get("subgoals").is_some() && value.get("do").is_none();
     let schema = schema(if is_task { "task" } else { "composition" });
-    Some(fault(&schema, &value, &schema))
+    Some(fault(&schema, &value, &schema).map_or(Ok(()), Err))
 }
 
 fn files(folder: &str) -> Vec<PathBuf> {
@@ -130,14 +130,14 @@ fn shipped_files_and_examples_are_sound() {
     assert!(shipped.len() >= 7, "{shipped:?}");
     for path in shipped {
         let text = fs::read_to_string(&path).expect("the file");
-        assert_eq!(judged(&text), Some(None), "{}", path.display());
+        assert_eq!(judged(&text), Some(Ok(())), "{}", path.display());
         let named = text.lines().next().and_then(|l| l.split_once("$schema="));
         let (_, schema) = named.unwrap_or_else(|| panic!("{} names no schema", path.display()));
         let beside = path.parent().expect("a folder").join(schema);
         assert!(beside.is_file(), "{} is not there", beside.display());
     }
     for (name, text) in examples() {
-        assert_eq!(judged(&text), Some(None), "{name}");
+        assert_eq!(judged(&text), Some(Ok(())), "{name}");
     }
 }
 
@@ -156,8 +156,8 @@ fn broken_files_are_refused_where_their_shape_is_wrong() {
         };
         match judged(&text) {
             None => {}
-            Some(None) => passed.push(name),
-            Some(Some(why)) => {
+            Some(Ok(())) => passed.push(name),
+            Some(Err(why)) => {
                 let sound = compose(&path, Path::new("tests/diagnostics/project")).is_ok();
                 assert!(!sound, "{name} is sound, but by the schema {why}");
                 refused.push(name);

@@ -113,7 +113,8 @@ pub(super) fn parts(planner: &Planner, trip: &Trip) -> Vec<PlanPart> {
         at = subgoals.len();
     }
     let mut parts = Vec::new();
-    for due in at..=subgoals.len() {
+    let begun = at;
+    for due in begun..=subgoals.len() {
         let subgoal = subgoals.get(due);
         let mut part = PlanPart {
             task: subgoal

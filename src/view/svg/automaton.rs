@@ -4,23 +4,19 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::canvas::{Canvas, Type, counted, text_width};
+use super::orders::{self, LEFT, Shape};
 use crate::planner::{Explanation, PlanPart};
-use crate::task::{OrderAutomaton, OrderTransition};
+use crate::task::OrderAutomaton;
 use crate::view::palette::{self, GREY, INK, Rgb, STAR};
 use crate::view::{ViewError, file};
 
-const LEFT: f32 = 60.0;
 const LEAST_WIDTH: f32 = 900.0;
-/// Between two states of the orders.
-const LAYER: f32 = 170.0;
-const ROW: f32 = 92.0;
 /// Between two stages.
 const STAGE: f32 = 190.0;
 const STAGES_A_LINE: usize = 6;
 const LINE: f32 = 150.0;
 /// Orders with more transitions are not drawn: nobody could follow them.
 const MOST_TRANSITIONS: usize = 80;
-const PALE: Rgb = Rgb(0xb8, 0xbe, 0xc9);
 
 /// A picture of a composition's automaton as SVG text: which orders of tasks are allowed, the chosen one in
 /// bold, and below its stages, each with the part of the plan that ends it.
@@ -35,8 +31,8 @@ pub fn automaton_svg(orders: &OrderAutomaton, explanation: &Explanation, title: 
     let mut width = LEAST_WIDTH.max(2.0 * LEFT + columns * STAGE);
     let mut top = 130.0;
     if is_drawn {
-        width = width.max(2.0 * LEFT + shape.layers as f32 * LAYER);
-        top += shape.rows.max(1.0) * ROW + 30.0;
+        width = width.max(2.0 * LEFT + shape.layers as f32 * orders::LAYER);
+        top += shape.rows.max(1.0) * orders::ROW + 30.0;
     }
     let lines = explanation.parts.len().div_ceil(STAGES_A_LINE).max(1) as f32;
     let mut canvas = Canvas::new(width, top + 70.0 + (lines - 1.0) * LINE + 70.0);
@@ -116,147 +112,6 @@ fn head(
     canvas.text(LEFT - 28.0, 98.0, set(13.0, 600, INK), note);
 }
 
-/// Where the states of an automaton of orders stand.
-struct Shape {
-    places: Vec<[f32; 2]>,
-    layer_of: Vec<usize>,
-    layers: usize,
-    /// The height in rows.
-    rows: f32,
-}
-
-impl Shape {
-    /// A state stands as far to the right as the longest way to it is long.
-    fn new(orders: &OrderAutomaton) -> Self {
-        let count = orders.last_state() + 1;
-        let mut layer_of = vec![0_usize; count];
-        for _ in 0..count {
-            for t in orders.transitions() {
-                layer_of[t.to] = layer_of[t.to].max(layer_of[t.from] + 1);
-            }
-        }
-        let layers = layer_of.iter().max().copied().unwrap_or(0);
-        let size = |layer: usize| layer_of.iter().filter(|l| **l == layer).count();
-        let widest = (0..=layers).map(size).max().unwrap_or(1) as f32;
-        // What bends around others needs room too.
-        let bends = bends(orders, &layer_of).into_iter().fold(0.0, f32::max);
-        let rows = widest + bends / ROW;
-        let mut seen = vec![0_usize; layers + 1];
-        let places = layer_of
-            .iter()
-            .map(|layer| {
-                let above = seen[*layer] as f32 - (size(*layer) as f32 - 1.0) / 2.0;
-                seen[*layer] += 1;
-                let middle = 110.0 + rows * ROW / 2.0 + bends / 4.0;
-                [LEFT + *layer as f32 * LAYER, middle + above * ROW]
-            })
-            .collect();
-        Self {
-            places,
-            layer_of,
-            layers,
-            rows,
-        }
-    }
-
-    fn paint(
-        &self,
-        canvas: &mut Canvas,
-        orders: &OrderAutomaton,
-        way: &[usize],
-        tasks: &BTreeMap<&str, Rgb>,
-    ) {
-        let bends = bends(orders, &self.layer_of);
-        let transitions = orders.transitions();
-        for is_chosen in [false, true] {
-            for (i, (transition, bend)) in transitions.iter().zip(&bends).enumerate() {
-                if way.contains(&i) == is_chosen {
-                    self.arrow(canvas, transition, *bend, is_chosen, tasks);
-                }
-            }
-        }
-        let passed = |state: usize| {
-            way.iter()
-                .any(|i| transitions[*i].from == state || transitions[*i].to == state)
-        };
-        for (state, [x, y]) in self.places.iter().enumerate() {
-            let colour = if passed(state) { INK } else { PALE };
-            let radius = if state == orders.last_state() {
-                9.0
-            } else {
-                6.0
-            };
-            circle(canvas, [*x, *y], radius, colour);
-        }
-    }
-
-    fn arrow(
-        &self,
-        canvas: &mut Canvas,
-        transition: &OrderTransition,
-        bend: f32,
-        is_chosen: bool,
-        tasks: &BTreeMap<&str, Rgb>,
-    ) {
-        let ([x0, y0], [x1, y1]) = (self.places[transition.from], self.places[transition.to]);
-        let reach = (x1 - x0) * 0.35;
-        let task = transition.task.as_deref();
-        let colour = match task.and_then(|t| tasks.get(t)) {
-            Some(colour) if is_chosen => *colour,
-            Some(colour) => colour.mixed(Rgb(255, 255, 255), 0.55),
-            None => PALE,
-        };
-        let dashes = if task.is_none() {
-            " stroke-dasharray=\"5 4\""
-        } else {
-            ""
-        };
-        canvas.push(format_args!(
-            "<path d=\"M{x0:.1} {y0:.1}C{:.1} {:.1} {:.1} {:.1} {x1:.1} {y1:.1}\" stroke=\"{}\" \
-             stroke-width=\"{}\"{dashes}/>",
-            x0 + reach,
-            y0 - bend,
-            x1 - reach,
-            y1 - bend,
-            colour.hex(),
-            if is_chosen { 4.0 } else { 1.6 }
-        ));
-        let set = Type {
-            size: 13.0,
-            weight: if is_chosen { 700 } else { 400 },
-            colour: if is_chosen {
-                colour.mixed(INK, 0.25)
-            } else {
-                GREY
-            },
-            anchor: "middle",
-        };
-        // A third of the way along, where arrows that cross in the middle have parted.
-        let (share, rise) = (0.36_f32, 0.69);
-        let x = x0 + (x1 - x0) * share;
-        let smooth = share * share * (3.0 - 2.0 * share);
-        let y = y0 + (y1 - y0) * smooth - bend * rise - 7.0;
-        canvas.text(x, y, set, task.unwrap_or("left out"));
-    }
-}
-
-/// How far each transition bends upwards: around the states that it leads past, and beside those that join
-/// the same states.
-fn bends(orders: &OrderAutomaton, layer_of: &[usize]) -> Vec<f32> {
-    let mut beside: BTreeMap<(usize, usize), usize> = BTreeMap::new();
-    orders
-        .transitions()
-        .iter()
-        .map(|t| {
-            let before = beside.entry((t.from, t.to)).or_insert(0);
-            let span = layer_of[t.to].saturating_sub(layer_of[t.from]).max(1);
-            let bend = 62.0 * (span - 1) as f32 + 46.0 * *before as f32;
-            *before += 1;
-            bend
-        })
-        .collect()
-}
-
 /// The stages of the plan in lines, each with the part of the plan that leads out of it.
 fn stages(canvas: &mut Canvas, explanation: &Explanation, tasks: &BTreeMap<&str, Rgb>, top: f32) {
     let set = Type {
@@ -298,7 +153,7 @@ fn stages(canvas: &mut Canvas, explanation: &Explanation, tasks: &BTreeMap<&str,
 }
 
 fn stage_circle(canvas: &mut Canvas, at: [f32; 2], stage: usize) {
-    circle(canvas, at, 13.0, INK);
+    canvas.circle(at, 13.0, INK);
     let set = Type {
         size: 12.0,
         weight: 700,
@@ -340,14 +195,6 @@ fn caption(canvas: &mut Canvas, part: &PlanPart, [x, y]: [f32; 2], colour: Rgb) 
         ),
     };
     canvas.text(x, y + 34.0, small, &predicted);
-}
-
-fn circle(canvas: &mut Canvas, [x, y]: [f32; 2], radius: f32, colour: Rgb) {
-    canvas.push(format_args!(
-        "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" fill=\"#ffffff\" stroke=\"{}\" \
-         stroke-width=\"3\"/>",
-        colour.hex()
-    ));
 }
 
 #[cfg(test)]
@@ -425,13 +272,9 @@ mod tests {
     }
 
     #[test]
-    fn optional_parts_bend_around_what_is_left_out() {
+    fn optional_parts_may_be_left_out() {
         let order = Order::InOrder(vec![Order::Optional(Box::new(task("a"))), task("b")]);
         let orders = OrderAutomaton::new(&order).expect("it is small");
-        let shape = Shape::new(&orders);
-        let bent = bends(&orders, &shape.layer_of);
-        let left_out = orders.transitions().iter().position(|t| t.task.is_none());
-        assert!(bent[left_out.expect("it may be left out")] > 0.0);
         let drawn = automaton_svg(&orders, &explained(&["a", "b"]), "a and b");
         assert!(drawn.contains("left out") && drawn.contains("stroke-dasharray"));
     }
