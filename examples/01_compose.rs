@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .iter()
         .map(|task| Ok(load_graph(&task.graph)?.0))
         .collect::<Result<Vec<_>, Box<dyn Error>>>()?;
-    let follows: Vec<(&str, &str)> = composition.orders.follows().into_iter().collect();
+    let follows: Vec<(&str, &str)> = composition.follows().into_iter().collect();
     let merged = merge(
         &graphs.iter().collect::<Vec<_>>(),
         &follows,

@@ -13,6 +13,7 @@ mod loaded;
 mod localise;
 mod progress;
 mod record;
+mod resume;
 mod run;
 mod shortcuts;
 mod train;

@@ -34,6 +34,7 @@ mod choice;
 mod cost;
 mod cost_to_go;
 mod error;
+mod explanation;
 mod filter_options;
 mod goal;
 mod groups;
@@ -47,8 +48,10 @@ mod order;
 mod plain;
 mod plan;
 mod roads;
+mod source;
 mod stages;
 mod suspects;
+mod terms;
 #[cfg(test)]
 mod tests;
 mod timeline;
@@ -58,6 +61,10 @@ pub use choice::FinalChoice;
 pub use cost::{EdgeCost, Price};
 pub use cost_to_go::CostToGo;
 pub use error::PlannerError;
+pub use explanation::{
+    EndCandidate, Explanation, OrderExplained, OrdersExplained, PlanOdds, PlanPart, StageExplained,
+    TaskEnds,
+};
 pub use filter_options::FilterOptions;
 pub use goal::{GoalBasis, GoalChoice};
 pub use layout::{Layout, Place, PlaceId};
@@ -70,3 +77,4 @@ pub use plain::PlainSearch;
 pub use plan::{Plan, Planner};
 pub use stages::StageChange;
 pub use suspects::{SuspectEdge, suspects};
+pub use terms::{AvoidedRegion, Start, Terms};

@@ -5,12 +5,16 @@ mod detection;
 mod error;
 mod gripper;
 mod order;
+mod order_automaton;
+mod region;
 
 pub use automaton::{Automaton, Transition};
 pub use detection::{Occurrence, SubgoalDetection, SubgoalRule, locate_subgoals};
 pub use error::TaskError;
 pub use gripper::{GripperEvent, GripperSignal};
-pub use order::{Order, OrderAutomaton, OrderTooLarge, OrderTransition};
+pub use order::Order;
+pub use order_automaton::{OrderAutomaton, OrderTooLarge, OrderTransition};
+pub use region::Region;
 
 use serde::{Deserialize, Serialize};
 

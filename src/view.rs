@@ -10,7 +10,7 @@ mod svg;
 
 pub use error::ViewError;
 pub use recording::{EventLevel, RolloutRecording, RolloutScene, StepView};
-pub use svg::{merged_graph_svg, write_merged_graph_svg};
+pub use svg::{automaton_svg, merged_graph_svg, write_automaton_svg, write_merged_graph_svg};
 
 #[cfg(test)]
 mod tests;

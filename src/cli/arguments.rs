@@ -224,6 +224,13 @@ pub struct GraphTrustArguments {
 pub struct ComposeArguments {
     /// The composition's YAML file.
     pub file: PathBuf,
+    /// Also say why the plan is what it is: stages, the orders that were open, what each part costs and how
+    /// probable it is to hold, how each task's end was chosen; and draw the automaton.
+    #[arg(long)]
+    pub explain: bool,
+    /// Where the picture goes; by default `out/` and the composition's name.
+    #[arg(long, requires = "explain")]
+    pub out: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
@@ -238,9 +245,17 @@ pub struct RunArguments {
     /// that succeed.
     #[arg(long, default_value_t = 100)]
     pub seed: u64,
-    /// Where the results go; by default `out/` and the composition's name.
+    /// Where the results go; by default `out/` and the composition's name, and of a resumed run a folder
+    /// within it.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    /// Go on from this stage: its number, or the subgoal with which it begins, such as `sock_in_box`. What an
+    /// earlier run did until then is done again first; its seed counts.
+    #[arg(long, value_name = "STAGE", conflicts_with = "seed")]
+    pub resume: Option<String>,
+    /// The recording of the earlier run; by default the one in the composition's folder below `out/`.
+    #[arg(long, value_name = "RECORDING", requires = "resume")]
+    pub from: Option<PathBuf>,
 }
 
 /// `catena evaluate`

@@ -4,9 +4,11 @@ use serde::Serialize;
 
 use super::arguments::{Arguments, ComposeArguments};
 use super::error::CliError;
+use super::graph::results_folder;
 use super::loaded::Loaded;
-use crate::graph::TopologicalGraph;
-use crate::planner::{Audit, Plan, Planner};
+use crate::graph::{EdgeKind, TopologicalGraph};
+use crate::planner::{Audit, Explanation, Plan, Planner};
+use crate::view::write_automaton_svg;
 
 /// What a plan looks like to a program.
 #[derive(Serialize)]
@@ -22,6 +24,8 @@ pub(super) struct PlanReport {
     route: Vec<String>,
     audit: Audit,
     unconstrained: Option<UnconstrainedReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    explanation: Option<Explanation>,
 }
 
 /// What the paper would plan.
@@ -70,6 +74,7 @@ pub(super) fn plan(loaded: &Loaded) -> Result<Planned, CliError> {
             .collect(),
         audit: planner.audit(&plan),
         unconstrained,
+        explanation: None,
     };
     Ok(Planned {
         planner,
@@ -99,7 +104,7 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
         graph.edge_count(),
         graph
             .edges()
-            .filter(|(_, _, e)| e.kind == crate::graph::EdgeKind::CrossTask)
+            .filter(|(_, _, e)| e.kind == EdgeKind::CrossTask)
             .count(),
     );
     let _ = writeln!(
@@ -127,9 +132,15 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
         );
     }
     let mut task = "";
-    for (i, node) in planned.plan.route.iter().enumerate() {
-        let node = graph.node(*node);
-        if node.task != task {
+    let route = &planned.plan.route;
+    for (i, id) in route.iter().enumerate() {
+        let node = graph.node(*id);
+        // A task that is done again is entered by an edge between tasks too.
+        let before = i
+            .checked_sub(1)
+            .and_then(|before| graph.edge(route[before], *id));
+        let is_entered = before.is_some_and(|e| e.kind == EdgeKind::CrossTask);
+        if node.task != task || is_entered {
             task = &node.task;
             let _ = writeln!(text, "  {task}: joins {}", node.place());
         }
@@ -184,11 +195,40 @@ pub(super) fn compose(
     arguments: &Arguments,
 ) -> Result<(), CliError> {
     let loaded = Loaded::load(&compose_arguments.file.to_string_lossy(), arguments)?;
-    let planned = plan(&loaded)?;
+    let mut planned = plan(&loaded)?;
+    let mut picture = None;
+    if compose_arguments.explain {
+        let explanation = explain(&loaded, &planned.planner)?;
+        let name = &loaded.composition.name;
+        let out = compose_arguments.out.clone();
+        let path = out
+            .unwrap_or_else(|| results_folder(name))
+            .join("automaton.svg");
+        let title = name.replace('_', " ");
+        write_automaton_svg(&path, &loaded.composition.orders, &explanation, &title)?;
+        planned.report.explanation = Some(explanation);
+        picture = Some(path);
+    }
     if compose_arguments.json {
         println!("{}", serde_json::to_string_pretty(&planned.report)?);
-    } else {
-        print!("{}", describe(&loaded, &planned));
+        return Ok(());
+    }
+    print!("{}", describe(&loaded, &planned));
+    if let (Some(explanation), Some(path)) = (&planned.report.explanation, picture) {
+        println!("to do:");
+        for line in loaded.composition.order.to_string().lines() {
+            println!("  {line}");
+        }
+        println!("{explanation}");
+        println!("drawn in {}", path.display());
     }
     Ok(())
+}
+
+/// Why the plan of a composition is what it is.
+fn explain(loaded: &Loaded, planner: &Planner) -> Result<Explanation, CliError> {
+    let composition = &loaded.composition;
+    let tasks = composition.planned_tasks();
+    let final_task = composition.final_task();
+    Explanation::new(planner, &composition.orders, &tasks, final_task).map_err(CliError::NoPath)
 }

@@ -106,6 +106,25 @@ pub(super) enum CliError {
         /// What was asked for.
         wanted: usize,
     },
+    /// A stage that a run cannot begin at.
+    #[error("a run cannot be resumed from '{found}'; it can from: {known}")]
+    UnknownStage {
+        /// What was asked for.
+        found: String,
+        /// Subgoals with the numbers of the stages that they begin.
+        known: String,
+    },
+    /// No recording to go on from.
+    #[error(
+        "there is no recording to resume from: {} is no file. Run '{composition}' before, or name one with --from",
+        recording.display()
+    )]
+    NothingToResume {
+        /// Where it was looked for.
+        recording: PathBuf,
+        /// The composition.
+        composition: String,
+    },
     /// A composition without a simulated world that is known here.
     #[error(
         "'{composition}' names the world {found}; write 'environment: {{bedroom: {{start: sock}}}}' to run it in the simulated bedroom"

@@ -20,8 +20,9 @@ pub(super) fn evaluate(
     let loaded = Loaded::load(&evaluate_arguments.target, arguments)?;
     let bedroom = bedroom(&loaded, evaluate_arguments)?;
     let planner = loaded.planner(options(&loaded, evaluate_arguments.planner))?;
+    let judged = loaded.composition.demonstrated_automaton();
     let results = episodes("evaluating", evaluate_arguments, |seed| {
-        let mut room = ScoredBedroom::new(Bedroom::new(bedroom), &loaded.composition.automaton);
+        let mut room = ScoredBedroom::new(Bedroom::new(bedroom), &judged);
         let mut rollout = Rollout::new(
             loaded.rollout_model(),
             planner.clone(),
@@ -30,13 +31,7 @@ pub(super) fn evaluate(
         let episode = rollout.run(&mut room, seed, &mut ())?;
         Ok(EpisodeResult::new(seed, &episode, room.score()))
     })?;
-    let subgoals: Vec<String> = loaded
-        .composition
-        .automaton
-        .subgoals()
-        .iter()
-        .map(|s| s.name.clone())
-        .collect();
+    let subgoals: Vec<String> = judged.subgoals().iter().map(|s| s.name.clone()).collect();
     let level = format!("{:?}", bedroom.level).to_lowercase();
     let evaluation = Evaluation::new(
         &loaded.composition.name,

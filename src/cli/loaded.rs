@@ -11,7 +11,7 @@ use crate::graph::{
     CrossTaskCandidates, GraphProgress, MergeOptions, MergeReport, TopologicalGraph, merge,
 };
 use crate::inference::{EngineChoice, Model};
-use crate::planner::{Plan, Planner, PlannerOptions};
+use crate::planner::{Plan, Planner, PlannerOptions, Terms};
 use crate::rollout::{RolloutModel, RolloutOptions};
 use crate::simulator::BedroomConfig;
 use crate::storage::{
@@ -123,14 +123,15 @@ impl Loaded {
         let bar = progress::bar("merging", 0);
         let merged = merge_all(&loaded.graphs, &composition, &model, &bar)?;
         bar.finish_and_clear();
+        let graph = composition.place_regions(merged.0)?;
         if composition.orders.way_count() > 1 {
-            composition.settle(&merged.0)?;
+            composition.settle(&graph)?;
         }
-        composition.check_against(&merged.0)?;
+        composition.check_against(&graph)?;
         Ok(Self {
             composition,
             model,
-            graph: Arc::new(merged.0),
+            graph: Arc::new(graph),
             images,
             merge_report: merged.1,
         })
@@ -138,10 +139,16 @@ impl Loaded {
 
     /// A planner with these options.
     pub(super) fn planner(&self, options: PlannerOptions) -> Result<Planner, CliError> {
-        self.planner_on(Arc::clone(&self.graph), options)
+        Ok(Planner::new(
+            Arc::clone(&self.graph),
+            &self.composition.automaton,
+            self.composition.terms(),
+            options,
+        )?)
     }
 
-    /// A planner of the composition on another graph of its tasks.
+    /// A planner of the composition on another graph of its tasks, whose states are numbered otherwise:
+    /// nothing is avoided, and nothing left out.
     pub(super) fn planner_on(
         &self,
         graph: Arc<TopologicalGraph>,
@@ -150,14 +157,28 @@ impl Loaded {
         Ok(Planner::new(
             graph,
             &self.composition.automaton,
-            &self.composition.final_choice,
+            self.terms_without_regions(),
             options,
         )?)
     }
 
-    /// What the paper would plan, to be audited; none where it finds no way.
+    fn terms_without_regions(&self) -> Terms {
+        Terms {
+            avoid: Vec::new(),
+            unplaced: Vec::new(),
+            ..self.composition.terms()
+        }
+    }
+
+    /// What the paper would plan, which knows nothing of what is to be avoided, to be audited; none where
+    /// it finds no way.
     pub(super) fn paper_plan(&self) -> Result<Option<(Planner, Plan)>, CliError> {
-        let planner = self.planner(PlannerOptions::paper())?;
+        let planner = Planner::new(
+            Arc::clone(&self.graph),
+            &self.composition.automaton,
+            self.terms_without_regions(),
+            PlannerOptions::paper(),
+        )?;
         let plan = planner.plan_from_start().ok();
         Ok(plan.map(|plan| (planner, plan)))
     }
@@ -215,13 +236,14 @@ pub(super) fn merge_all(
     model: &Model,
     bar: &ProgressBar,
 ) -> Result<(TopologicalGraph, MergeReport), CliError> {
-    if let [graph] = graphs {
+    let follows = composition.follows();
+    if let ([graph], true) = (graphs, follows.is_empty()) {
         return Ok((graph.clone(), MergeReport::default()));
     }
     let graphs: Vec<&TopologicalGraph> = graphs.iter().collect();
     let known: Vec<&str> = graphs.iter().flat_map(|graph| graph.tasks()).collect();
-    let follows = composition.orders.follows().into_iter();
     let follows: Vec<(&str, &str)> = follows
+        .into_iter()
         .filter(|(from, to)| known.contains(from) && known.contains(to))
         .collect();
     let merged = merge(&graphs, &follows, model, &merge_options(), &|p| {

@@ -13,7 +13,9 @@ use super::error::CliError;
 use super::graph::{PICTURE_EVERY_STEPS, results_folder};
 use super::loaded::Loaded;
 use super::progress;
-use crate::experiment::{EpisodeResult, ScoredBedroom, SubgoalOutcome};
+use super::resume::{self, RECORDING, ResumeReport, stage_named};
+use crate::environment::Environment;
+use crate::experiment::{EpisodeResult, ResumedBedroom, ScoredBedroom, SubgoalOutcome};
 use crate::graph::NodeId;
 use crate::rollout::{Event, Rollout, RolloutObserver, StepRecord};
 use crate::simulator::{Bedroom, PRIMITIVE_SECS};
@@ -33,6 +35,8 @@ struct Summary {
     step_median_ms: f64,
     engine: String,
     model: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    resumed: Option<ResumeReport>,
     files: Vec<PathBuf>,
 }
 
@@ -45,16 +49,23 @@ struct SubgoalSummary {
 
 /// `catena run`: plans, runs one episode, and leaves recording, pictures and a summary.
 pub(super) fn run(run_arguments: &RunArguments, arguments: &Arguments) -> Result<(), CliError> {
-    let loaded = Loaded::load(&run_arguments.file.to_string_lossy(), arguments)?;
+    let mut loaded = Loaded::load(&run_arguments.file.to_string_lossy(), arguments)?;
     for warning in &loaded.composition.warnings {
         eprintln!("warning: {}", warning.message);
     }
+    let resumed = run_arguments.resume.as_deref();
+    let stage = resumed.map(|name| stage_named(name, &loaded.composition.automaton));
+    let stage = stage.transpose()?;
+    if let Some(stage) = stage {
+        resume::start_at(&mut loaded, stage);
+    }
+    let loaded = loaded;
     let planned = plan(&loaded)?;
     print!("{}", describe(&loaded, &planned));
-    let out = run_arguments
-        .out
-        .clone()
-        .unwrap_or_else(|| results_folder(&loaded.composition.name));
+    let name = &loaded.composition.name;
+    let usual = || stage.map_or_else(|| results_folder(name), |s| resume::folder(name, s));
+    let mut room = Room::new(&loaded, run_arguments, stage)?;
+    let out = run_arguments.out.clone().unwrap_or_else(usual);
     fs::create_dir_all(&out).map_err(|source| CliError::Io {
         path: out.clone(),
         source,
@@ -63,8 +74,6 @@ pub(super) fn run(run_arguments: &RunArguments, arguments: &Arguments) -> Result
     let title = loaded.composition.name.replace('_', " ");
     write_merged_graph_svg(&svg, &loaded.graph, Some(&planned.plan.route), &title)?;
 
-    let bedroom = Bedroom::new(loaded.bedroom()?);
-    let mut room = ScoredBedroom::new(bedroom, &loaded.composition.automaton);
     let spec = &loaded.model.manifest().spec;
     let scene = RolloutScene {
         title: &title,
@@ -80,7 +89,7 @@ pub(super) fn run(run_arguments: &RunArguments, arguments: &Arguments) -> Result
         scene,
         rerun: RolloutRecording::create(&out.join("rollout.rrd"), scene)?,
         mcap: EpisodeWriter::create(
-            &out.join("rollout.mcap"),
+            &out.join(RECORDING),
             &loaded.composition.name,
             &spec.action_space,
         )?,
@@ -92,11 +101,12 @@ pub(super) fn run(run_arguments: &RunArguments, arguments: &Arguments) -> Result
         planned.planner,
         loaded.rollout_options(None),
     )?;
-    let episode = rollout.run(&mut room, run_arguments.seed, &mut recorder)?;
-    let result = EpisodeResult::new(run_arguments.seed, &episode, room.score());
-    recorder.finish(&result, run_arguments.seed)?;
+    let seed = room.seed;
+    let episode = rollout.run(room.environment.as_mut(), seed, &mut recorder)?;
+    let result = EpisodeResult::new(seed, &episode, room.environment.scored().score());
+    recorder.finish(&result, seed)?;
 
-    let automaton = &loaded.composition.automaton;
+    let automaton = loaded.composition.demonstrated_automaton();
     let subgoals: Vec<SubgoalSummary> = automaton
         .subgoals()
         .iter()
@@ -108,18 +118,13 @@ pub(super) fn run(run_arguments: &RunArguments, arguments: &Arguments) -> Result
             step: *step,
         })
         .collect();
-    print_outcome(&subgoals, &result);
+    print_outcome(&subgoals, &result, room.resumed.as_ref());
     let mut times = result.step_times_ms.clone();
     times.sort_by(f64::total_cmp);
-    let names = [
-        "rollout.mcap",
-        "rollout.rrd",
-        "merged_graph.svg",
-        "summary.json",
-    ];
+    let names = [RECORDING, "rollout.rrd", "merged_graph.svg", "summary.json"];
     let summary = Summary {
         plan: planned.report,
-        seed: run_arguments.seed,
+        seed,
         success: result.success,
         subgoals,
         result,
@@ -127,11 +132,60 @@ pub(super) fn run(run_arguments: &RunArguments, arguments: &Arguments) -> Result
         step_median_ms: times.get(times.len() / 2).copied().unwrap_or(0.0),
         engine: loaded.model.engine().description().to_owned(),
         model: loaded.model.digest(),
+        resumed: room.resumed,
         files: names.map(PathBuf::from).to_vec(),
     };
     write_json(&out.join("summary.json"), &summary)?;
     println!("in {}: {}", out.display(), names.join(", "));
     Ok(())
+}
+
+/// The world of a run, from its beginning or from where an earlier one had come to.
+struct Room {
+    environment: Box<dyn Scored>,
+    seed: u64,
+    resumed: Option<ResumeReport>,
+}
+
+impl Room {
+    fn new(
+        loaded: &Loaded,
+        run_arguments: &RunArguments,
+        stage: Option<usize>,
+    ) -> Result<Self, CliError> {
+        if let Some(stage) = stage {
+            let (room, report) = resume::room(loaded, run_arguments, stage)?;
+            return Ok(Self {
+                seed: room.seed(),
+                environment: Box::new(room),
+                resumed: Some(report),
+            });
+        }
+        let bedroom = Bedroom::new(loaded.bedroom()?);
+        let automaton = loaded.composition.demonstrated_automaton();
+        Ok(Self {
+            environment: Box::new(ScoredBedroom::new(bedroom, &automaton)),
+            seed: run_arguments.seed,
+            resumed: None,
+        })
+    }
+}
+
+/// A world that keeps score.
+trait Scored: Environment {
+    fn scored(&self) -> &ScoredBedroom;
+}
+
+impl Scored for ScoredBedroom {
+    fn scored(&self) -> &ScoredBedroom {
+        self
+    }
+}
+
+impl Scored for ResumedBedroom {
+    fn scored(&self) -> &ScoredBedroom {
+        self.room()
+    }
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<(), CliError> {
@@ -140,7 +194,11 @@ fn write_json(path: &Path, value: &impl Serialize) -> Result<(), CliError> {
     Ok(())
 }
 
-fn print_outcome(subgoals: &[SubgoalSummary], result: &EpisodeResult) {
+fn print_outcome(
+    subgoals: &[SubgoalSummary],
+    result: &EpisodeResult,
+    resumed: Option<&ResumeReport>,
+) {
     println!("what really happened, by the simulator:");
     for subgoal in subgoals {
         let outcome = match (subgoal.outcome, subgoal.step) {
@@ -156,7 +214,11 @@ fn print_outcome(subgoals: &[SubgoalSummary], result: &EpisodeResult) {
     } else {
         "no success"
     };
-    println!("{verdict} after {} steps ({})", result.steps, result.ended);
+    let resumed = resumed.map_or_else(String::new, ToString::to_string);
+    println!(
+        "{verdict} after {} steps{resumed} ({})",
+        result.steps, result.ended
+    );
 }
 
 /// Writes each step of a run to Rerun and MCAP, and keeps the first failure to do so.

@@ -144,7 +144,7 @@ impl Stage<'_> {
             &self.in_order,
             &options,
         )?);
-        let automaton = &self.loaded.composition.automaton;
+        let automaton = &self.loaded.composition.demonstrated_automaton();
         let mut room = ScoredBedroom::new(Bedroom::new(self.bedroom), automaton);
         let mut rollout = Rollout::new(driver.rollout_model(), planner.clone(), options)?;
         let episode = rollout.run(&mut room, seed, &mut watched)?;

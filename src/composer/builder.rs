@@ -1,7 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use super::composition::Composition;
-use super::composition_spec::{Calibration, CompositionSpec, Limits, OnShortcut};
+use super::composition_spec::{Calibration, CompositionSpec, Limits, OnShortcut, StartSpec};
 use super::diagnostic::Diagnostic;
 use super::diagnostic::Faults;
 use super::diagnostics::Diagnostics;
@@ -9,7 +9,7 @@ use super::environment_config::EnvironmentConfig;
 use super::reader::name_fault;
 use super::resolved_task::ResolvedTask;
 use crate::planner::{FinalChoice, PlannerOptions};
-use crate::task::Order;
+use crate::task::{Order, Region};
 
 /// Makes a [`Composition`] in Rust, with the same checks as of a file.
 ///
@@ -52,11 +52,47 @@ impl Composition {
 }
 
 impl CompositionBuilder {
-    /// A task to be done after those before it.
+    /// A task to be done after those before it; one that is added again is done again.
     #[must_use]
     pub fn task(mut self, task: ResolvedTask) -> Self {
         self.spec.tasks.push(task.spec.name.clone());
-        self.tasks.push(task);
+        self.add(task);
+        self
+    }
+
+    /// The first task of a name is taken.
+    fn add(&mut self, task: ResolvedTask) {
+        if self.tasks.iter().all(|t| t.task.name != task.task.name) {
+            self.tasks.push(task);
+        }
+    }
+
+    /// The robot may be anywhere in the first task at the start.
+    #[must_use]
+    pub fn start_anywhere(mut self) -> Self {
+        self.spec.start = StartSpec::Anywhere;
+        self
+    }
+
+    /// The robot is at the end of this task at the start.
+    #[must_use]
+    pub fn start_from(mut self, task: ResolvedTask) -> Self {
+        self.spec.start = StartSpec::From(task.spec.name.clone());
+        self.add(task);
+        self
+    }
+
+    /// A region that is to be passed, and has a name: a subgoal of its task.
+    #[must_use]
+    pub fn via(mut self, region: Region) -> Self {
+        self.spec.via.push(region.into());
+        self
+    }
+
+    /// A region that must not be passed.
+    #[must_use]
+    pub fn avoid(mut self, region: Region) -> Self {
+        self.spec.avoid.push(region.into());
         self
     }
 
@@ -119,15 +155,15 @@ impl CompositionBuilder {
     /// Checks everything.
     ///
     /// # Errors
-    /// All faults: no tasks, one twice, no model, a limit out of range, a name that cannot be part of
-    /// a path.
+    /// All faults: no tasks, no model, a limit out of range, a name that cannot be part of a path, a region
+    /// of a task that is not done.
     pub fn build(self) -> Result<Composition, Diagnostics> {
         let mut faults = Faults::default();
         let name = self.spec.name.as_ref().map_or("", |n| &n.value).to_owned();
         if let Some(fault) = name_fault(&name, "the name of a composition") {
             faults.add(fault);
         }
-        if self.tasks.is_empty() {
+        if self.spec.tasks.is_empty() {
             faults.add(Diagnostic::error(format!(
                 "composition '{name}' has no tasks"
             )));
@@ -166,6 +202,8 @@ mod tests {
         let built = Composition::builder("no good")
             .task(task("a").unwrap())
             .task(task("a").unwrap())
+            .via(Region::of("b"))
+            .avoid(Region::of("a").after("reached").before("reachd"))
             .step_limit(0)
             .build();
         let faults = built.unwrap_err().to_string();
@@ -173,7 +211,9 @@ mod tests {
             faults,
             "'no good' cannot be the name of a composition\n\
              0 steps are out of range\n\
-             the task 'a' is to be done twice\n\
+             the composition does not do a task 'b'\n\
+             task 'a' has no subgoal 'reachd'\n\
+             a region to pass has no name: b\n\
              0 steps are too few for 2 subgoals\n\
              neither the composition nor its tasks name a model"
         );

@@ -80,7 +80,7 @@ fn compose_in(source: &Source, root: &Path, faults: &mut Faults) -> Option<Compo
             .flatten();
     }
     let spec = CompositionSpec::read(&node, &mut Reader { source, faults })?;
-    let tasks = load_tasks(&spec.tasks, root, faults);
+    let tasks = load_tasks(spec.mentioned(), root, faults);
     let file_name = source
         .path()
         .file_stem()
@@ -98,19 +98,21 @@ fn is_task(node: &Node) -> bool {
     has("subgoals") && !has("do")
 }
 
-fn load_tasks(
-    names: &[Located<String>],
+/// Each task that is named, once.
+fn load_tasks<'a>(
+    names: impl Iterator<Item = &'a Located<String>>,
     root: &Path,
     faults: &mut Faults,
 ) -> Vec<Option<ResolvedTask>> {
     let known = names_in(root, TASKS);
     let mut tasks = Vec::new();
-    for (i, name) in names.iter().enumerate() {
-        // A repeated task is a fault of the composition; its own faults are not told twice.
-        let is_repeated = names[..i].iter().any(|n| n.value == name.value);
-        tasks.push(if is_repeated {
-            None
-        } else if known.contains(&name.value) {
+    let mut seen: Vec<&str> = Vec::new();
+    for name in names {
+        if seen.contains(&name.value.as_str()) {
+            continue;
+        }
+        seen.push(&name.value);
+        tasks.push(if known.contains(&name.value) {
             load_named(name, root, faults)
         } else {
             let message = format!("there is no task '{}'", name.value);

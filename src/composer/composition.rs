@@ -1,15 +1,18 @@
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::composition_spec::{Calibration, CompositionSpec, Limits, OnShortcut};
+use super::composition_spec::{Calibration, CompositionSpec, Limits, OnShortcut, StartSpec};
 use super::diagnostic::{Diagnostic, Faults};
 use super::diagnostics::Diagnostics;
 use super::environment_config::EnvironmentConfig;
-use super::reader::name_fault;
+use super::region_spec::RegionSpec;
 use super::resolved_task::ResolvedTask;
-use super::source::{Located, printable};
-use crate::graph::TopologicalGraph;
-use crate::planner::{FinalChoice, PlannerError, PlannerOptions, SettledOrder, settle_order};
-use crate::task::{Automaton, Order, OrderAutomaton, Task};
+use crate::graph::{NodeId, TopologicalGraph};
+use crate::planner::{
+    AvoidedRegion, FinalChoice, PlannerError, PlannerOptions, SettledOrder, Start, Terms,
+    settle_order,
+};
+use crate::task::{Automaton, Order, OrderAutomaton, Region, Subgoal, Task};
 
 /// Steps of a run of one task: twice those of a long demonstration.
 const SINGLE_TASK_STEPS: u32 = 200;
@@ -22,15 +25,25 @@ pub struct Composition {
     pub name: String,
     /// One sentence for people.
     pub description: Option<String>,
-    /// The tasks in the order in which they are to be done; never empty, none twice. Where several orders
-    /// are allowed it is the first of them until [`settle`](Self::settle) finds the cheapest.
+    /// The tasks in the order in which they are to be done, one that is done several times so often; never
+    /// empty. Where several orders are allowed it is the first of them until [`settle`](Self::settle)
+    /// finds the cheapest.
     pub tasks: Vec<ResolvedTask>,
-    /// All subgoals of these tasks in order.
+    /// All subgoals of these tasks in order; those of `via` too once
+    /// [`place_regions`](Self::place_regions) has found where they belong.
     pub automaton: Automaton,
+    /// What is to be done, as it was written.
+    pub order: Order,
     /// All orders that are allowed.
     pub orders: OrderAutomaton,
     /// Tasks that are only done in other orders.
     pub other_tasks: Vec<ResolvedTask>,
+    /// The task at whose end the robot starts, if it is at one's.
+    pub start_task: Option<ResolvedTask>,
+    /// Where the robot is at the start.
+    pub start: Start,
+    /// What a plan must not pass; empty until [`place_regions`](Self::place_regions) has found the states.
+    pub avoid: Vec<AvoidedRegion>,
     /// Folder of the model.
     pub model: PathBuf,
     /// Which end state of the last task the run leads to.
@@ -47,6 +60,10 @@ pub struct Composition {
     pub environment: Option<EnvironmentConfig>,
     /// What may not be meant as written, though it works.
     pub warnings: Vec<Diagnostic>,
+    /// States of demonstrations that do not pass what is to be passed, where that matters.
+    pub(super) unplaced: Vec<NodeId>,
+    /// Subgoals of `via`, each with how many of its task's own subgoals come before it.
+    pub(super) via: Vec<(usize, Subgoal)>,
     pub(super) spec: CompositionSpec,
 }
 
@@ -77,7 +94,8 @@ impl Composition {
     }
 
     /// Checks what a composition says against its tasks, of which those with faults are missing.
-    /// `file_name` is its name when it gives itself none.
+    /// Each task is there once, also the one where the robot starts. `file_name` is its name when it gives
+    /// itself none.
     pub(super) fn resolve(
         spec: CompositionSpec,
         tasks: Vec<Option<ResolvedTask>>,
@@ -85,24 +103,46 @@ impl Composition {
         root: &Path,
         faults: &mut Faults,
     ) -> Option<Self> {
-        spec.check_repeats(faults);
         let orders = spec.orders(faults);
         if let Some(orders) = &orders {
             spec.check_final_task(orders, faults);
         }
         let name = spec.checked_name(file_name, faults);
         let tasks: Vec<ResolvedTask> = tasks.into_iter().collect::<Option<_>>()?;
-        spec.check_steps(&tasks, faults);
+        spec.check_regions(&tasks, faults);
+        if let Some(orders) = &orders {
+            spec.check_stages(orders, &tasks, faults);
+        }
         let model = spec.model_of(&tasks, root, faults);
         if faults.error_count() > 0 {
             return None;
         }
         let orders = orders?;
         let first = spec.first_order(&orders)?;
+        let start = match &spec.start {
+            StartSpec::Beginning => Start::Beginning,
+            StartSpec::Anywhere => Start::Anywhere,
+            StartSpec::From(task) => Start::After(task.value.clone()),
+        };
+        let (tasks, others): (Vec<ResolvedTask>, Vec<ResolvedTask>) =
+            tasks.into_iter().partition(|t| spec.does(&t.task.name));
+        let start_task = match &start {
+            Start::After(name) => {
+                let mut all = tasks.iter().chain(&others);
+                all.find(|t| t.task.name == *name).cloned()
+            }
+            _ => None,
+        };
         let mut composition = Self {
             name,
             description: spec.description.clone(),
             automaton: Automaton::in_order(&[]),
+            order: spec.order(),
+            start_task,
+            start,
+            avoid: Vec::new(),
+            via: Vec::new(),
+            unplaced: Vec::new(),
             model: model?,
             final_choice: spec.final_choice.value.clone(),
             on_shortcut: spec.on_shortcut,
@@ -122,23 +162,111 @@ impl Composition {
 
     /// Makes an order, given as names of its tasks, the present one.
     fn take_order(&mut self, order: &[String]) {
-        let mut others = std::mem::take(&mut self.tasks);
-        others.append(&mut self.other_tasks);
-        for name in order {
-            if let Some(at) = others.iter().position(|t| t.task.name == *name) {
-                self.tasks.push(others.remove(at));
-            }
-        }
-        self.other_tasks = others;
-        let plain: Vec<Task> = self.tasks.iter().map(|t| t.task.clone()).collect();
-        self.automaton = Automaton::in_order(&plain);
-        let first = self.tasks.first().and_then(|t| t.environment.clone());
+        let own: Vec<ResolvedTask> = once(self.tasks.iter().chain(&self.other_tasks));
+        let named = |name: &String| own.iter().find(|t| t.task.name == *name).cloned();
+        self.tasks = order.iter().filter_map(named).collect();
+        self.other_tasks = own
+            .into_iter()
+            .filter(|t| !order.contains(&t.task.name))
+            .collect();
+        self.renew_automaton();
+        let first = self.start_task.as_ref().or(self.tasks.first());
+        let first = first.and_then(|t| t.environment.clone());
         self.environment = self.spec.environment.clone().or(first);
     }
 
-    /// All tasks that it names, those of the present order first.
+    /// Lays the subgoals out anew, after the order or the regions have changed.
+    pub(super) fn renew_automaton(&mut self) {
+        let planned: Vec<Task> = self.tasks.iter().map(|t| self.planned(t)).collect();
+        self.automaton = Automaton::in_order(&planned);
+    }
+
+    /// A task with the subgoals of `via` among its own.
+    pub(super) fn planned(&self, task: &ResolvedTask) -> Task {
+        let mut planned = task.task.clone();
+        let own = std::mem::take(&mut planned.subgoals);
+        for (at, subgoal) in own.iter().map(Some).chain([None]).enumerate() {
+            let due = |(before, s): &&(usize, Subgoal)| *before == at && s.task == planned.name;
+            let passed: Vec<Subgoal> = self.via.iter().filter(due).map(|v| v.1.clone()).collect();
+            planned.subgoals.extend(passed);
+            planned.subgoals.extend(subgoal.cloned());
+        }
+        planned
+    }
+
+    /// Each task that it names once, as it is planned: with the subgoals of `via`.
+    #[must_use]
+    pub fn planned_tasks(&self) -> Vec<Task> {
+        self.all_tasks().map(|t| self.planned(t)).collect()
+    }
+
+    /// The subgoals that demonstrations and the world know: without those of `via`.
+    #[must_use]
+    pub fn demonstrated_automaton(&self) -> Automaton {
+        let plain: Vec<Task> = self.tasks.iter().map(|t| t.task.clone()).collect();
+        Automaton::in_order(&plain)
+    }
+
+    /// How many of the subgoals that are reached at a stage demonstrations and the world know: the stage
+    /// without those of `via`.
+    ///
+    /// # Panics
+    /// If there is no such stage.
+    #[must_use]
+    pub fn demonstrated_stage(&self, stage: usize) -> usize {
+        let reached = self.automaton.subgoals()[..stage].iter();
+        let is_own = |s: &&Subgoal| self.via.iter().all(|(_, via)| via != *s);
+        reached.filter(is_own).count()
+    }
+
+    /// Each task that it names once, those of the present order first, that where the robot starts last.
     pub fn all_tasks(&self) -> impl Iterator<Item = &ResolvedTask> {
-        self.tasks.iter().chain(&self.other_tasks)
+        let all = self
+            .tasks
+            .iter()
+            .chain(&self.other_tasks)
+            .chain(&self.start_task);
+        let mut seen: Vec<&str> = Vec::new();
+        all.filter(move |t| {
+            let is_new = !seen.contains(&t.task.name.as_str());
+            seen.push(&t.task.name);
+            is_new
+        })
+    }
+
+    /// Pairs of tasks of which the second may come right after the first: where graphs are to be merged.
+    #[must_use]
+    pub fn follows(&self) -> BTreeSet<(&str, &str)> {
+        let mut pairs = self.orders.follows();
+        if let Some(start) = &self.start_task {
+            let first = self.orders.first_tasks().into_iter();
+            pairs.extend(first.map(|task| (start.task.name.as_str(), task)));
+        }
+        pairs
+    }
+
+    /// The task whose end is to be the end of all, where it says so.
+    #[must_use]
+    pub fn final_task(&self) -> Option<&str> {
+        self.spec.final_task.as_ref().map(|t| t.value.as_str())
+    }
+
+    /// The regions that are to be passed, and those that must not be, as they were written.
+    #[must_use]
+    pub fn regions(&self) -> (Vec<Region>, Vec<Region>) {
+        let plain = |specs: &[RegionSpec]| specs.iter().map(RegionSpec::region).collect();
+        (plain(&self.spec.via), plain(&self.spec.avoid))
+    }
+
+    /// Where its plans start, where they may end, and what they do not pass.
+    #[must_use]
+    pub fn terms(&self) -> Terms {
+        Terms {
+            start: self.start.clone(),
+            end: self.final_choice.clone(),
+            avoid: self.avoid.clone(),
+            unplaced: self.unplaced.clone(),
+        }
     }
 
     /// Takes the cheapest of the allowed orders on a graph, usually the merged one; see
@@ -150,10 +278,9 @@ impl Composition {
         &mut self,
         graph: &TopologicalGraph,
     ) -> Result<Option<SettledOrder>, PlannerError> {
-        let plain: Vec<Task> = self.all_tasks().map(|t| t.task.clone()).collect();
-        let final_task = self.spec.final_task.as_ref().map(|t| t.value.as_str());
-        let how = (&self.final_choice, &self.planner);
-        let settled = settle_order(graph, &self.orders, &plain, final_task, how)?;
+        let tasks = self.planned_tasks();
+        let how = (&self.terms(), &self.planner);
+        let settled = settle_order(graph, &self.orders, &tasks, self.final_task(), how)?;
         if let Some(settled) = &settled {
             self.take_order(&settled.tasks);
         }
@@ -172,136 +299,13 @@ impl Composition {
     }
 }
 
-impl CompositionSpec {
-    fn check_repeats(&self, faults: &mut Faults) {
-        for (i, task) in self.tasks.iter().enumerate() {
-            if let Some(first) = self.tasks[..i].iter().find(|t| t.value == task.value) {
-                let message = format!("the task '{}' is to be done twice", task.value);
-                faults.add(
-                    Diagnostic::error(message)
-                        .at_any(task.origin.as_ref())
-                        .label("again here")
-                        .second(first.origin.as_ref(), "first here")
-                        .help("a composition can do a task once; run it again for a second time"),
-                );
-            }
+/// Each task once, in the order in which they come.
+fn once<'a>(tasks: impl Iterator<Item = &'a ResolvedTask>) -> Vec<ResolvedTask> {
+    let mut own: Vec<ResolvedTask> = Vec::new();
+    for task in tasks {
+        if own.iter().all(|t| t.task.name != task.task.name) {
+            own.push(task.clone());
         }
     }
-
-    /// All orders that are allowed.
-    fn orders(&self, faults: &mut Faults) -> Option<OrderAutomaton> {
-        let names = || self.tasks.iter().map(|t| Order::Task(t.value.clone()));
-        let order = self.order.clone();
-        let order = order.unwrap_or_else(|| Order::InOrder(names().collect()));
-        OrderAutomaton::new(&order)
-            .map_err(|e| {
-                let first = self.tasks.first().and_then(|t| t.origin.as_ref());
-                let fault = Diagnostic::error("'do' allows too many orders").at_any(first);
-                faults.add(fault.help(e.to_string()));
-            })
-            .ok()
-    }
-
-    /// The first of the orders that end as they are to.
-    fn first_order(&self, orders: &OrderAutomaton) -> Option<Vec<String>> {
-        const LOOKED_AT: usize = 1024;
-        let ends_well = |order: &&Vec<String>| match (&self.final_task, order.last()) {
-            (Some(task), Some(last)) => task.value == *last,
-            (_, last) => last.is_some(),
-        };
-        let all = orders.orders(LOOKED_AT);
-        all.iter().find(ends_well).or(all.first()).cloned()
-    }
-
-    fn check_final_task(&self, orders: &OrderAutomaton, faults: &mut Faults) {
-        let (Some(task), Some(mentioned)) = (&self.final_task, self.tasks.last()) else {
-            return;
-        };
-        let last = orders.last_tasks();
-        if !last.contains(task.value.as_str()) {
-            let message = format!(
-                "the final state is to be one of '{}', which is not the last task",
-                task.value
-            );
-            let mut fault = Diagnostic::error(message).at_any(task.origin.as_ref());
-            if last.len() == 1 {
-                fault = fault.second(mentioned.origin.as_ref(), "the last task");
-            }
-            let last: Vec<&str> = last.into_iter().collect();
-            let help = format!("write 'of: {}', or leave 'of' out", last.join("' or 'of: "));
-            faults.add(fault.help(help));
-        }
-    }
-
-    /// Its own name or that of its file. Results go to a folder of that name, so that the two ought to
-    /// be the same.
-    fn checked_name(&self, file_name: &str, faults: &mut Faults) -> String {
-        let Some(name) = &self.name else {
-            if let Some(fault) = name_fault(file_name, "the name of a composition") {
-                faults.add(fault.help("give it a name of its own: 'name: sock_then_trash'"));
-            }
-            return file_name.to_owned();
-        };
-        if name.value != file_name && !file_name.is_empty() {
-            let message = format!(
-                "the composition calls itself '{}', but its file is '{file_name}.yaml'",
-                name.value
-            );
-            let fault = Diagnostic::warning(message).at_any(name.origin.as_ref());
-            faults.add(fault.help(format!("its results are called '{}'", name.value)));
-        }
-        name.value.clone()
-    }
-
-    /// Each subgoal takes a step at least.
-    fn check_steps(&self, tasks: &[ResolvedTask], faults: &mut Faults) {
-        let subgoals: usize = tasks.iter().map(|t| t.task.subgoals.len()).sum();
-        let steps = self.limits.value.steps;
-        if (steps as usize) < subgoals {
-            let message = format!("{steps} steps are too few for {subgoals} subgoals");
-            let fault = Diagnostic::error(message).at_any(self.limits.origin.as_ref());
-            faults.add(fault.help("a demonstration of one task takes 40 to 100 steps"));
-        }
-    }
-
-    /// The composition's model, else the one that all its tasks name.
-    fn model_of(
-        &self,
-        tasks: &[ResolvedTask],
-        root: &Path,
-        faults: &mut Faults,
-    ) -> Option<PathBuf> {
-        if let Some(model) = &self.model {
-            return Some(printable(&root.join(&model.value)));
-        }
-        let at = self.tasks.first().and_then(|t| t.origin.as_ref());
-        if tasks.is_empty() {
-            // That nothing is to be done was reported; no task is left that could name a model.
-            return None;
-        }
-        let help = "say which model is to be used: 'model: graphs/bedroom/model'";
-        let named: Vec<_> = tasks
-            .iter()
-            .filter_map(|t| Some((t, t.model.as_ref()?)))
-            .collect();
-        let Some((first, model)) = named.first() else {
-            let fault = Diagnostic::error("neither the composition nor its tasks name a model");
-            faults.add(fault.at_any(at).help(help));
-            return None;
-        };
-        if let Some((other, its)) = named.iter().find(|(_, m)| m != model) {
-            let message = format!(
-                "task '{}' goes with the model {}, but task '{}' with {}",
-                first.task.name,
-                model.display(),
-                other.task.name,
-                its.display()
-            );
-            let origin: Option<&Located<PathBuf>> = other.spec.model.as_ref();
-            let fault = Diagnostic::error(message).at_any(origin.and_then(|m| m.origin.as_ref()));
-            faults.add(fault.help("graphs can be merged only if one model built them"));
-            return None;
-        }
-        Some((*model).clone())
-    }
+    own
 }

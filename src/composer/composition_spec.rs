@@ -3,7 +3,8 @@ use std::path::PathBuf;
 use super::environment_config::EnvironmentConfig;
 use super::order_spec::read_order;
 use super::planner_spec::read_planner;
-use super::reader::Reader;
+use super::reader::{Reader, suggestion};
+use super::region_spec::{RegionSpec, read_regions};
 use super::source::Located;
 use super::yaml::{Node, Value};
 use crate::planner::{FinalChoice, PlannerOptions};
@@ -15,7 +16,10 @@ pub(super) const COMPOSITION_KEYS: &[&str] = &[
     "description",
     "model",
     "environment",
+    "start",
     "do",
+    "via",
+    "avoid",
     "final_state",
     "on_shortcut",
     "planner",
@@ -45,6 +49,18 @@ pub enum Calibration {
     Temperature,
     /// Not at all: the network's own probabilities, temperature 1.
     None,
+}
+
+/// Where the robot is at the start, as written.
+#[derive(Clone, Debug, Default)]
+pub enum StartSpec {
+    /// Where demonstrations of the first task begin.
+    #[default]
+    Beginning,
+    /// Anywhere in the first task.
+    Anywhere,
+    /// At the end of this task, which need not be one of those to do.
+    From(Located<String>),
 }
 
 /// Bounds of a run.
@@ -77,10 +93,16 @@ pub struct CompositionSpec {
     pub model: Option<Located<PathBuf>>,
     /// The simulated world to start in.
     pub environment: Option<EnvironmentConfig>,
+    /// Where the robot is at the start.
+    pub start: StartSpec,
     /// Names of the tasks as they are mentioned.
     pub tasks: Vec<Located<String>>,
     /// In which orders they may be done; `None`: in the one in which they are mentioned.
     pub order: Option<Order>,
+    /// Regions that are to be passed, each a subgoal of its task.
+    pub via: Vec<RegionSpec>,
+    /// Regions that must not be passed.
+    pub avoid: Vec<RegionSpec>,
     /// The task whose end is the end of all.
     pub final_task: Option<Located<String>>,
     /// Which end state of it is chosen.
@@ -102,8 +124,11 @@ impl Default for CompositionSpec {
             description: None,
             model: None,
             environment: None,
+            start: StartSpec::default(),
             tasks: Vec::new(),
             order: None,
+            via: Vec::new(),
+            avoid: Vec::new(),
             final_task: None,
             final_choice: FinalChoice::default().into(),
             on_shortcut: OnShortcut::default(),
@@ -133,6 +158,15 @@ impl CompositionSpec {
             ..Self::default()
         };
         spec.order = read_order(&fields, &mut spec.tasks, reader);
+        if let Some(node) = fields.value("start") {
+            spec.start = read_start(node, reader).unwrap_or_default();
+        }
+        if let Some(node) = fields.value("via") {
+            spec.via = read_regions(node, "via", true, reader);
+        }
+        if let Some(node) = fields.value("avoid") {
+            spec.avoid = read_regions(node, "avoid", false, reader);
+        }
         if let Some(node) = fields.value("final_state") {
             spec.read_final_state(node, reader);
         }
@@ -190,7 +224,33 @@ impl CompositionSpec {
     }
 }
 
-/// `cheapest`, `nearest` or `{demonstration: id}`.
+/// `beginning`, `anywhere` or `{from: task}`.
+fn read_start(node: &Node, reader: &mut Reader<'_>) -> Option<StartSpec> {
+    if !matches!(node.value, Value::Map(_)) {
+        let words = ["beginning", "anywhere"];
+        return match node.as_text() {
+            Some("beginning") => Some(StartSpec::Beginning),
+            Some("anywhere") => Some(StartSpec::Anywhere),
+            Some(text) => {
+                let help = suggestion(text, words, "choose one of");
+                let help = format!("{help}, or {{from: sock}}, at the end of a task");
+                reader.ambiguous(node, &format!("start cannot be '{text}'"), &help);
+                None
+            }
+            None => {
+                reader.misfit(node, "start", "beginning, anywhere or {from: sock}");
+                None
+            }
+        };
+    }
+    let fields = reader.fields(node, "start", &["from"])?;
+    let help = "write 'beginning', 'anywhere' or {from: sock}: at the end of that task";
+    let task = reader.required(&fields, "from", help)?;
+    let task = reader.name(task, "the name of a task")?;
+    Some(StartSpec::From(task))
+}
+
+/// `cheapest`, `nearest`, `all` or `{demonstration: id}`.
 fn read_choice(node: &Node, reader: &mut Reader<'_>) -> Option<FinalChoice> {
     if !matches!(node.value, Value::Map(_)) {
         if node.as_text() == Some("demonstration") {
@@ -198,16 +258,15 @@ fn read_choice(node: &Node, reader: &mut Reader<'_>) -> Option<FinalChoice> {
             reader.ambiguous(node, "choose does not say which demonstration", help);
             return None;
         }
-        let choices = [("cheapest", true), ("nearest", false)];
-        let is_cheapest = reader.choice(node, "choose", &choices)?;
-        return Some(if is_cheapest {
-            FinalChoice::Cheapest
-        } else {
-            FinalChoice::Nearest
+        let choices = [("cheapest", 0), ("nearest", 1), ("all", 2)];
+        return Some(match reader.choice(node, "choose", &choices)? {
+            0 => FinalChoice::Cheapest,
+            1 => FinalChoice::Nearest,
+            _ => FinalChoice::All,
         });
     }
     let fields = reader.fields(node, "choose", &["demonstration"])?;
-    let help = "write 'cheapest', 'nearest' or {demonstration: demo_007}";
+    let help = "write 'cheapest', 'nearest', 'all' or {demonstration: demo_007}";
     let id = reader.required(&fields, "demonstration", help)?;
     let id = reader.text(id, "the id of a demonstration")?;
     Some(FinalChoice::Demonstration(id.value))

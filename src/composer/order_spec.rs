@@ -6,7 +6,10 @@ use super::yaml::{Node, Value};
 use crate::task::Order;
 
 /// Keys of a container.
-const CONTAINERS: &[&str] = &["in_order", "any_order", "choice", "optional"];
+const CONTAINERS: &[&str] = &["in_order", "any_order", "choice", "optional", "repeat"];
+
+/// Most times that a part is repeated.
+const MAX_TIMES: u32 = 100;
 
 /// Reads `do:`; every task that it names goes to `tasks` as well.
 pub(super) fn read_order(
@@ -79,8 +82,34 @@ fn read_container(
             let part = read_part(value, tasks, reader)?;
             Some(Order::Optional(Box::new(part)))
         }
+        "repeat" => read_repeat(value, tasks, reader),
         "any_order" => read_parts(value, key, tasks, reader).map(Order::AnyOrder),
         "choice" => read_parts(value, key, tasks, reader).map(Order::Choice),
         _ => read_parts(value, key, tasks, reader).map(Order::InOrder),
     }
+}
+
+/// `{times: 3, do: [sock]}`.
+fn read_repeat(
+    node: &Node,
+    tasks: &mut Vec<Located<String>>,
+    reader: &mut Reader<'_>,
+) -> Option<Order> {
+    let help = "say how often and what: 'repeat: {times: 3, do: [sock]}'";
+    if !matches!(node.value, Value::Map(_) | Value::Reported) {
+        let message = format!(
+            "repeat must say how often and what, but is {}",
+            node.describe()
+        );
+        reader.ambiguous(node, &message, help);
+        return None;
+    }
+    let fields = reader.fields(node, "repeat", &["times", "do"])?;
+    let times = reader
+        .required(&fields, "times", help)
+        .and_then(|n| reader.integer(n, "times", &(1..=MAX_TIMES)));
+    let part = reader
+        .required(&fields, "do", help)
+        .and_then(|n| read_part(n, tasks, reader));
+    Some(Order::Repeat(times?, Box::new(part?)))
 }

@@ -255,7 +255,7 @@ pub(super) fn suggestion<'a>(
 
 /// The names with commas; a long list is cut.
 pub(super) fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    const MAX_LISTED: usize = 12;
+    const MAX_LISTED: usize = 14;
     let names: Vec<&str> = names.into_iter().collect();
     match names.len().checked_sub(MAX_LISTED).filter(|more| *more > 0) {
         None => names.join(", "),

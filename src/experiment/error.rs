@@ -1,5 +1,6 @@
 use thiserror::Error;
 
+use crate::environment::EnvironmentError;
 use crate::graph::GraphError;
 use crate::model::ModelError;
 use crate::planner::PlannerError;
@@ -42,6 +43,19 @@ pub enum ExperimentError {
         /// Mean difference of the channels of all pixels, in levels of 0..=255.
         difference: f64,
     },
+    /// A run is to go on from where a recorded one never came.
+    #[error(
+        "'{recording}' cannot be gone on from: by the simulator's truth it never reached {missing} in order"
+    )]
+    NeverReached {
+        /// The recording.
+        recording: String,
+        /// The subgoals that it lacks, separated by commas.
+        missing: String,
+    },
+    /// A replayed action was refused.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
     /// States without a replay.
     #[error("the graph has a state of '{demonstration}', of which there is no replay")]
     NotReplayed {

@@ -4,7 +4,7 @@ use crate::trajectory::{Action, Observation, Trajectory};
 
 /// Largest mean difference between a recorded and a replayed picture, in levels of 0..=255. The noise of the cameras is
 /// replayed too, so that only what JPEG loses is left.
-const SAME_PICTURE_LEVELS: f64 = 5.0;
+pub(super) const SAME_PICTURE_LEVELS: f64 = 5.0;
 
 /// A recording of the simulated bedroom with what was really the case at each of its steps.
 #[derive(Clone, Debug, PartialEq)]
@@ -129,7 +129,7 @@ fn likeliest_config(trajectory: &Trajectory, task: BedroomTask, seed: u64) -> Be
 }
 
 /// Mean difference of the channels of all pixels of all cameras, infinite where cameras or sizes differ.
-fn difference_levels(recorded: &Observation, replayed: &Observation) -> f64 {
+pub(super) fn difference_levels(recorded: &Observation, replayed: &Observation) -> f64 {
     if recorded.cameras() != replayed.cameras() {
         return f64::INFINITY;
     }

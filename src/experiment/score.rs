@@ -19,6 +19,8 @@ pub enum SubgoalOutcome {
 pub struct Score {
     names: Vec<String>,
     first_step: Vec<Option<usize>>,
+    /// Whether each subgoal has not held since that of an earlier round was reached.
+    is_free: Vec<bool>,
 }
 
 impl Score {
@@ -32,15 +34,27 @@ impl Score {
             .collect();
         Self {
             first_step: vec![None; names.len()],
+            is_free: (0..names.len())
+                .map(|i| !names[..i].contains(&names[i]))
+                .collect(),
             names,
         }
     }
 
-    /// Notes which subgoals hold after `step`; a subgoal counts from the first step at which it holds.
+    /// Notes which subgoals hold after `step`; a subgoal counts from the first step at which it holds. One of
+    /// a task that is done again must have ceased to hold since that of the round before was reached.
     pub fn observe(&mut self, step: usize, holds: impl Fn(&str) -> bool) {
-        for (name, first) in self.names.iter().zip(&mut self.first_step) {
-            if first.is_none() && holds(name) {
-                *first = Some(step);
+        for i in 0..self.names.len() {
+            let name = &self.names[i];
+            if self.first_step[i].is_some() {
+                continue;
+            }
+            if !self.is_free[i] {
+                let before = self.names[..i].iter().rposition(|n| n == name);
+                let was_reached = before.is_some_and(|b| self.first_step[b].is_some());
+                self.is_free[i] = was_reached && !holds(name);
+            } else if holds(name) {
+                self.first_step[i] = Some(step);
             }
         }
     }
@@ -132,6 +146,24 @@ mod tests {
         assert_eq!(score.outcomes(), [Reached, Skipped, Reached]);
         assert_eq!(score.shortcut_step(), Some(2));
         assert!(!score.is_success());
+    }
+
+    #[test]
+    fn second_round_counts_once_the_first_is_over() {
+        let once = automaton();
+        let name = |i: usize| once.subgoals()[i].clone();
+        let task = Task {
+            name: "t".to_owned(),
+            subgoals: vec![name(0)],
+        };
+        let mut score = Score::new(&Automaton::in_order(&[task.clone(), task]));
+        score.observe(1, |_| true);
+        score.observe(2, |_| true);
+        assert_eq!(score.first_steps(), [Some(1), None]);
+        score.observe(3, |_| false);
+        score.observe(4, |_| true);
+        assert_eq!(score.first_steps(), [Some(1), Some(4)]);
+        assert!(score.is_success());
     }
 
     #[test]

@@ -24,6 +24,12 @@ impl ScoredBedroom {
         }
     }
 
+    /// The subgoals that are scored.
+    #[must_use]
+    pub fn automaton(&self) -> &Automaton {
+        &self.automaton
+    }
+
     /// The score of the current episode.
     #[must_use]
     pub fn score(&self) -> &Score {

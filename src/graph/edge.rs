@@ -8,7 +8,8 @@ pub enum EdgeKind {
     Temporal,
     /// Predicted, between states of the same task.
     Learned,
-    /// Predicted, between states of different tasks.
+    /// Predicted, from a task to the next one: states of different tasks, or the end and the start of one
+    /// that is done several times.
     CrossTask,
 }
 

@@ -78,7 +78,8 @@ const NEAR_MISSES: usize = 10;
 /// "Experience Chaining").
 ///
 /// `follows` says which task may come right after which, and so which seams there are. Empty means the
-/// order of `graphs`.
+/// order of `graphs`. A task may follow itself: the edges from its ends to its starts are cross-task
+/// edges too, since they lead from one time that it is done into the next.
 ///
 /// # Errors
 /// [`GraphError::NothingToMerge`], [`GraphError::NoStates`], [`GraphError::TaskTwice`] and [`GraphError::UnknownTask`] for
@@ -98,8 +99,8 @@ pub fn merge(
     let seams: BTreeSet<(usize, usize)> = if follows.is_empty() {
         (1..tasks.len()).map(|next| (next - 1, next)).collect()
     } else {
-        let pairs = follows.iter().filter(|(from, to)| from != to);
-        pairs
+        follows
+            .iter()
             .map(|(from, to)| (task_index(&tasks, from), task_index(&tasks, to)))
             .collect()
     };
@@ -216,7 +217,7 @@ impl Work<'_> {
     ) -> Option<SeamReport> {
         let accepted = scored.edges.len();
         for (from, to, edge) in scored.edges {
-            graph.push_edge(from, to, edge);
+            add_crossing(graph, batch, (from, to), edge);
         }
         if !batch.is_seam {
             return None;
@@ -228,7 +229,7 @@ impl Work<'_> {
             .min(scored.near_misses.len());
         let floor: Vec<(ScoredPair, Edge)> = scored.near_misses;
         for (pair, edge) in &floor[..below_rule] {
-            graph.push_edge(pair.from, pair.to, edge.clone());
+            add_crossing(graph, batch, (pair.from, pair.to), edge.clone());
         }
         Some(SeamReport {
             from_task: self.tasks[batch.from_task].clone(),
@@ -238,5 +239,20 @@ impl Work<'_> {
             below_rule,
             near_misses: floor.into_iter().map(|(pair, _)| pair).collect(),
         })
+    }
+}
+
+/// Between two tasks there is no edge yet; within one there may be, and a state need not be left for
+/// itself.
+fn add_crossing(
+    graph: &mut TopologicalGraph,
+    batch: &Batch,
+    (from, to): (NodeId, NodeId),
+    edge: Edge,
+) {
+    if batch.from_task != batch.to_task {
+        graph.push_edge(from, to, edge);
+    } else if from != to {
+        graph.add_edge(from, to, edge);
     }
 }

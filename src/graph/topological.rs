@@ -122,6 +122,11 @@ impl TopologicalGraph {
             .map(|(i, n)| (NodeId(i as u32), &n.weight))
     }
 
+    /// All nodes to be changed, in the order of their ids.
+    pub(super) fn nodes_mut(&mut self) -> impl Iterator<Item = &mut Node> {
+        self.graph.node_weights_mut()
+    }
+
     /// The latents of all states, a row a node.
     #[must_use]
     pub fn latents(&self) -> &Latents {

@@ -3,7 +3,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::layout::{stage_offsets, subgoal_count};
-use crate::graph::{EdgeKind, NodeId, TopologicalGraph};
+use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph};
 use crate::task::{Automaton, Subgoal};
 
 /// An edge of a route, in words that lead back to the recordings.
@@ -105,7 +105,9 @@ pub fn audit(graph: &TopologicalGraph, automaton: &Automaton, route: &[NodeId]) 
         .extend_from_slice(&automaton.subgoals()[..here]);
     for pair in route.windows(2) {
         let (from, to) = (pair[0], pair[1]);
-        if graph.node(from).task != graph.node(to).task {
+        let is_seam = |e: &Edge| e.kind == EdgeKind::CrossTask;
+        let is_round = graph.edge(from, to).is_some_and(is_seam) && occurrence.is_some();
+        if graph.node(from).task != graph.node(to).task || is_round {
             occurrence = walker.next_occurrence(occurrence.map_or(0, |o| o + 1), to);
         }
         let there = walker.stage(occurrence, to);

@@ -14,6 +14,9 @@ pub enum FinalChoice {
     Cheapest,
     /// The one that is cheapest from the starts of the first task, for the whole run.
     Nearest,
+    /// All of them: any is fine, and a robot that seems to be at one has arrived, whichever its plan leads
+    /// to.
+    All,
     /// The end of the demonstration with this id (Fu & Finn, section III-D).
     Demonstration(String),
 }
@@ -55,7 +58,7 @@ pub(super) fn final_places(
         });
     }
     match choice {
-        FinalChoice::Cheapest | FinalChoice::Nearest => Ok(finals),
+        FinalChoice::Cheapest | FinalChoice::Nearest | FinalChoice::All => Ok(finals),
         FinalChoice::Demonstration(id) => one_demonstration(graph, layout, task, &finals, id),
     }
 }

@@ -33,6 +33,30 @@ pub enum PlannerError {
         /// How many subgoals the task has.
         subgoals: usize,
     },
+    /// All final states lie in regions that are to be avoided.
+    #[error("every final state of '{task}' lies in a region that is to be avoided: {regions}")]
+    FinalStatesAvoided {
+        /// The last task.
+        task: String,
+        /// The regions, separated by commas.
+        regions: String,
+    },
+    /// A start at the end of a task that the graph does not show.
+    #[error("the robot is to start at the end of '{task}', the graph has: {known}")]
+    UnknownStart {
+        /// The task.
+        task: String,
+        /// The graph's tasks, separated by commas.
+        known: String,
+    },
+    /// A start at a stage that the composition does not have.
+    #[error("there is no stage {stage}: the composition has {subgoals} subgoals")]
+    UnknownStage {
+        /// What was asked for.
+        stage: usize,
+        /// How many subgoals there are.
+        subgoals: usize,
+    },
     /// A demonstration was asked for that is not there or whose end cannot be final.
     #[error(
         "demonstration '{demonstration}' cannot give the final state of '{task}'; these can: {known}"

@@ -1,5 +1,7 @@
 use super::no_path::explain_live;
-use super::{Join, LiveDistances, Localisation, NoPath, PlaceId, Planner, Price, Search};
+use super::{
+    FinalChoice, Join, LiveDistances, Localisation, NoPath, PlaceId, Planner, Price, Search,
+};
 use crate::graph::NodeId;
 
 /// What a goal state was chosen by.
@@ -228,7 +230,8 @@ impl Planner {
             cost: entry.total,
             basis,
             connected_probability: distances.connected_probability(node),
-            has_arrived: places.len() == 1 && self.is_at(distances, entry.place),
+            has_arrived: (places.len() == 1 && self.is_at(distances, entry.place))
+                || self.is_at_any_end(localisation, distances),
             route: places.iter().map(|p| self.layout.place(*p).node).collect(),
             stages: places.iter().map(|p| self.layout.place(*p).stage).collect(),
         }
@@ -273,6 +276,13 @@ impl Planner {
     fn is_one_step_off(&self, distances: &LiveDistances, place: PlaceId) -> bool {
         let row = distances.to(self.layout.place(place).node);
         row.is_some_and(|r| r[0] > 0.5)
+    }
+
+    /// Whether all subgoals are reached and any end will do that the robot seems to be at.
+    fn is_at_any_end(&self, localisation: &Localisation, distances: &LiveDistances) -> bool {
+        self.terms.end == FinalChoice::All
+            && self.automaton.is_accepting(localisation.stage)
+            && self.finals.iter().any(|end| self.is_at(distances, *end))
     }
 
     /// Whether the robot seems to be at a place: one step from it, and the place one step from the

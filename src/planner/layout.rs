@@ -1,3 +1,5 @@
+use std::collections::HashSet;
+
 use super::timeline::Timeline;
 use super::{PlannerError, Search};
 use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph};
@@ -39,10 +41,10 @@ pub struct Layout {
     /// For each node, the first place of each of its occurrences: an index into `starts`.
     occurrences: Vec<Vec<usize>>,
     starts: Vec<u32>,
-    /// For each occurrence, the stage at which it begins.
-    first_stages: Vec<usize>,
     successors: Vec<Option<PlaceId>>,
     subgoals: Vec<Subgoal>,
+    /// For each occurrence, how many subgoals the tasks before it have.
+    offsets: Vec<usize>,
     search: Search,
 }
 
@@ -57,6 +59,16 @@ impl Layout {
         automaton: &Automaton,
         search: Search,
     ) -> Result<Self, PlannerError> {
+        Self::without(graph, automaton, search, &HashSet::new())
+    }
+
+    /// The same without places for some nodes.
+    pub(super) fn without(
+        graph: &TopologicalGraph,
+        automaton: &Automaton,
+        search: Search,
+        unplaced: &HashSet<NodeId>,
+    ) -> Result<Self, PlannerError> {
         check(graph, automaton)?;
         let offsets = stage_offsets(automaton);
         let mut layout = Self {
@@ -64,9 +76,9 @@ impl Layout {
             ranks: vec![0; graph.node_count()],
             occurrences: vec![Vec::new(); graph.node_count()],
             starts: Vec::new(),
-            first_stages: Vec::new(),
             successors: Vec::new(),
             subgoals: automaton.subgoals().to_vec(),
+            offsets: offsets.clone(),
             search,
         };
         let mut tasks: Vec<(&str, usize)> = automaton
@@ -78,7 +90,7 @@ impl Layout {
         if search == Search::Unconstrained {
             layout.add_strangers(graph, &mut tasks);
         }
-        layout.add_occurrences(graph, &tasks);
+        layout.add_occurrences(graph, &tasks, unplaced);
         layout.find_successors(graph);
         Ok(layout)
     }
@@ -100,13 +112,19 @@ impl Layout {
         *tasks = once;
     }
 
-    fn add_occurrences(&mut self, graph: &TopologicalGraph, tasks: &[(&str, usize)]) {
+    fn add_occurrences(
+        &mut self,
+        graph: &TopologicalGraph,
+        tasks: &[(&str, usize)],
+        unplaced: &HashSet<NodeId>,
+    ) {
         let mut start_steps = 0.0;
         for (occurrence, (task, offset)) in tasks.iter().enumerate() {
             let timeline = Timeline::new(graph, task);
             self.starts.push(self.places.len() as u32);
-            self.first_stages.push(*offset);
-            for (rank, (&node, time)) in timeline.time_steps.iter().enumerate() {
+            let times = timeline.time_steps.iter();
+            let placed = times.filter(|(node, _)| !unplaced.contains(node));
+            for (rank, (&node, time)) in placed.enumerate() {
                 self.ranks[node.index()] = rank as u32;
                 self.occurrences[node.index()].push(occurrence);
                 self.places.push(Place {
@@ -125,8 +143,10 @@ impl Layout {
         for (from, to, edge) in graph.edges() {
             if edge.kind == EdgeKind::Temporal {
                 for &occurrence in &self.occurrences[from.index()] {
-                    let (a, b) = (self.at(from, occurrence), self.at(to, occurrence));
-                    self.successors[a.index()] = Some(b);
+                    if self.occurrences[to.index()].contains(&occurrence) {
+                        let (a, b) = (self.at(from, occurrence), self.at(to, occurrence));
+                        self.successors[a.index()] = Some(b);
+                    }
                 }
             }
         }
@@ -140,7 +160,7 @@ impl Layout {
     #[must_use]
     pub fn is_at_start(&self, place: PlaceId) -> bool {
         let place = self.place(place);
-        place.occurrence > 0 && place.stage == self.first_stages[place.occurrence]
+        place.occurrence > 0 && self.offsets.get(place.occurrence) == Some(&place.stage)
     }
 
     /// All places; a [`PlaceId`] is an index into them.
@@ -190,12 +210,14 @@ impl Layout {
     }
 
     /// Whether a plan that is at `stage` may go to a place next: the place keeps the stage, or
-    /// reaches all that lies between.
+    /// reaches all that lies between. A task is entered when those before it are done, so that a state
+    /// cannot reach the same subgoal of two rounds at once.
     #[must_use]
     pub fn may_enter(&self, graph: &TopologicalGraph, stage: usize, to: PlaceId) -> bool {
         let place = self.place(to);
         self.search == Search::Unconstrained
             || (place.stage >= stage
+                && stage >= self.offsets[place.occurrence]
                 && graph
                     .node(place.node)
                     .reaches(&self.subgoals[stage..place.stage]))
@@ -210,15 +232,26 @@ impl Layout {
         edge: &Edge,
     ) -> Vec<(PlaceId, PlaceId)> {
         let mut pairs = Vec::new();
-        for a in self.places_of(from) {
-            for b in self.places_of(to) {
-                let (here, there) = (self.place(a), self.place(b));
-                let same = here.occurrence == there.occurrence;
-                let next =
-                    here.occurrence + 1 == there.occurrence && edge.kind != EdgeKind::Temporal;
-                let flat = self.search == Search::Unconstrained;
-                if flat || ((same || next) && self.may_enter(graph, here.stage, b)) {
-                    pairs.push((a, b));
+        if self.search == Search::Unconstrained {
+            for a in self.places_of(from) {
+                pairs.extend(self.places_of(to).map(|b| (a, b)));
+            }
+            return pairs;
+        }
+        // From a task into itself leads what joins its end to its start, into another round.
+        let is_seam = edge.kind == EdgeKind::CrossTask;
+        let is_round = is_seam && graph.node(from).task == graph.node(to).task;
+        for &occurrence in &self.occurrences[from.index()] {
+            let a = self.at(from, occurrence);
+            let stage = self.place(a).stage;
+            let same = (!is_round).then_some(occurrence);
+            let next = (edge.kind != EdgeKind::Temporal).then_some(occurrence + 1);
+            for there in same.into_iter().chain(next) {
+                if self.occurrences[to.index()].binary_search(&there).is_ok() {
+                    let b = self.at(to, there);
+                    if self.may_enter(graph, stage, b) {
+                        pairs.push((a, b));
+                    }
                 }
             }
         }

@@ -57,8 +57,29 @@ pub struct StageFilter {
     classes_of_stage: Vec<Vec<usize>>,
     /// The same of places that are not at the start of a later task.
     reached_classes: Vec<Vec<usize>>,
+    outset: Outset,
+    /// Steps left in which the stage of a robot that may start anywhere is told by what is seen.
+    placing_steps: u32,
 }
 
+/// What is known of a robot that has seen nothing yet.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) enum Outset {
+    /// Near the start of the first task.
+    #[default]
+    Beginning,
+    /// Anywhere in the first task; its stage is told by what is seen.
+    Anywhere,
+    /// Anywhere at a stage.
+    Stage(usize),
+    /// At one of these places, by weight, or near the start of the first task.
+    Places(Vec<(PlaceId, f64)>),
+}
+
+/// Probability of a stage at which a robot that may start anywhere is taken to be there.
+const PLACED: f64 = 0.5;
+/// Steps after which it is taken to be at the most probable stage, however improbable.
+const PLACING_STEPS: u32 = 5;
 /// How far into the first task the robot may be at the beginning: mean of an exponential.
 const START_STEPS: f64 = 4.0;
 /// Share of the largest belief below which a place does not count.
@@ -72,6 +93,11 @@ impl StageFilter {
     /// A filter that believes the robot near the start of the first task.
     #[must_use]
     pub fn new(layout: Layout, options: FilterOptions) -> Self {
+        Self::beginning(layout, options, Outset::Beginning)
+    }
+
+    /// A filter that believes the robot to be where it is said to start.
+    pub(super) fn beginning(layout: Layout, options: FilterOptions, outset: Outset) -> Self {
         let groups = Groups::new(&layout);
         let is_exact = layout.places().len() <= options.exact_places;
         let motion = Motion::new(&layout, &groups, &options, is_exact);
@@ -89,6 +115,8 @@ impl StageFilter {
             classifier: None,
             classes_of_stage: Vec::new(),
             reached_classes: Vec::new(),
+            outset,
+            placing_steps: 0,
         };
         filter.reset();
         filter
@@ -120,15 +148,49 @@ impl StageFilter {
         self.belief.clear(&self.groups);
         self.belief.list_all(&self.groups);
         for (id, place) in (0..).map(PlaceId).zip(self.layout.places()) {
-            let is_first = place.occurrence == 0 && place.stage == 0;
-            let start = (-f64::from(place.time_steps) / START_STEPS).exp();
-            let mass = f64::from(u8::from(is_first)) * start + self.options.restart;
+            let is_there = match self.outset {
+                Outset::Beginning | Outset::Places(_) => place.occurrence == 0 && place.stage == 0,
+                Outset::Anywhere => place.occurrence == 0,
+                Outset::Stage(stage) => place.stage == stage,
+            };
+            let start = match self.outset {
+                Outset::Beginning | Outset::Places(_) => {
+                    (-f64::from(place.time_steps) / START_STEPS).exp()
+                }
+                Outset::Anywhere | Outset::Stage(_) => 1.0,
+            };
+            let mass = f64::from(u8::from(is_there)) * start + self.options.restart;
             self.belief.add(id, mass);
+        }
+        if let Outset::Places(places) = &self.outset {
+            for (id, weight) in places {
+                self.belief.add(*id, *weight);
+            }
         }
         self.belief.weigh(|_| 1.0, |_| 1.0);
         self.forget_the_least();
-        self.set_stage(0);
+        self.set_stage(match self.outset {
+            Outset::Stage(stage) => stage,
+            _ => 0,
+        });
+        self.placing_steps = match self.outset {
+            Outset::Anywhere => PLACING_STEPS,
+            _ => 0,
+        };
         self.unfit_steps = 0;
+    }
+
+    /// Takes a robot that may start anywhere to be at the stage that what it sees tells.
+    fn place(&mut self, stage_probabilities: &[f64]) {
+        let stages = stage_probabilities.iter().enumerate();
+        let best = stages.max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0)));
+        self.placing_steps -= 1;
+        if let Some((stage, p)) = best
+            && (*p >= PLACED || self.placing_steps == 0)
+        {
+            self.stages.set(stage);
+            self.placing_steps = 0;
+        }
     }
 
     /// Whether every place has a share of its own.
@@ -237,6 +299,9 @@ impl StageFilter {
         // What is seen is like nothing that is believed: a belief that only drifts on decides nothing.
         let is_unfit = fit < self.options.lost_probability;
         let change = if is_unfit {
+            None
+        } else if self.placing_steps > 0 {
+            self.place(&stage_probabilities);
             None
         } else {
             let view = StageView {

@@ -1,7 +1,7 @@
 use std::fmt;
 
-use super::roads::{Rejection, road};
-use super::{LiveDistances, Localisation, PlaceId, Planner};
+use super::roads::{Rejection, Roads, road};
+use super::{CostToGo, LiveDistances, Localisation, PlaceId, Planner, Start};
 use crate::graph::{EdgeKind, NodeId};
 use crate::task::Subgoal;
 
@@ -51,6 +51,9 @@ pub struct NoPath {
     pub cut_off: Vec<Subgoal>,
     /// The break that would be easiest to mend, if there is anything on both sides of it.
     pub gap: Option<Gap>,
+    /// Avoided regions without any one of which there would be a way; all of them where only leaving all
+    /// out helps, none where that does not either.
+    pub blocked_by: Vec<String>,
     /// The same as words, with the demonstrations and steps of both states.
     pub advice: String,
 }
@@ -118,12 +121,72 @@ pub(super) fn explain(planner: &Planner, starts: &[PlaceId]) -> NoPath {
     let reached = planner.all_places().filter(|p| is_reached[p.index()]);
     let reachable_stage = reached.map(|p| stage_of(&p)).max().unwrap_or(0);
     let gap = best_edge(planner, &is_reached).or_else(|| nearest_latents(planner, &is_reached));
+    let blocked_by = blocking(planner, starts);
+    let advice = match blocked_by.as_slice() {
+        [] => advice(planner, gap.as_ref()),
+        names => format!(
+            "There would be a way but for what is to be avoided: {}",
+            names.join(", ")
+        ),
+    };
     NoPath {
         reachable_stage,
         cut_off: planner.layout.subgoals()[reachable_stage..].to_vec(),
-        advice: advice(planner, gap.as_ref()),
+        advice,
         gap,
+        blocked_by,
     }
+}
+
+/// Why there is no way into the composition at all.
+pub(super) fn explain_no_entry(planner: &Planner) -> NoPath {
+    let advice = match &planner.terms.start {
+        Start::After(task) => format!(
+            "No edge leads from an end of task {task} into {}, where the robot is to start. A demonstration \
+             from there would bridge it",
+            planner
+                .automaton
+                .tasks()
+                .first()
+                .map_or("nothing", String::as_str)
+        ),
+        Start::Stage(stage) => format!("The graph has no state of stage {stage}"),
+        Start::Beginning | Start::Anywhere => "The first task has no state to start at".to_owned(),
+    };
+    NoPath {
+        reachable_stage: 0,
+        cut_off: planner.layout.subgoals().to_vec(),
+        gap: None,
+        blocked_by: Vec::new(),
+        advice,
+    }
+}
+
+/// The avoided regions that close the way from some places.
+fn blocking(planner: &Planner, starts: &[PlaceId]) -> Vec<String> {
+    let regions = &planner.terms.avoid;
+    let is_open_without = |left_out: &dyn Fn(usize) -> bool| {
+        let mut avoided = planner.avoided.clone();
+        avoided.retain(|_, region| !left_out(*region));
+        let roads = Roads::new(
+            &planner.graph,
+            &planner.layout,
+            &planner.options,
+            &planner.left_out,
+            &avoided,
+        );
+        let costs = CostToGo::new(&roads, &planner.finals);
+        starts.iter().any(|start| costs.cost(*start).is_some())
+    };
+    let named = regions.iter().enumerate();
+    let alone: Vec<String> = named
+        .filter(|(i, _)| is_open_without(&|region| region == *i))
+        .map(|(_, region)| region.name.clone())
+        .collect();
+    if alone.is_empty() && !regions.is_empty() && is_open_without(&|_| true) {
+        return regions.iter().map(|region| region.name.clone()).collect();
+    }
+    alone
 }
 
 fn reachable(planner: &Planner, starts: &[PlaceId]) -> Vec<bool> {
@@ -153,9 +216,11 @@ fn best_edge(planner: &Planner, is_reached: &[bool]) -> Option<Gap> {
         }
         for (a, b) in planner.layout.joined(&planner.graph, from, to, edge) {
             let is_left_out = planner.left_out.contains(&(from, to));
+            let is_avoided = [from, to].iter().any(|n| planner.avoided.contains_key(n));
             let rejection = match road(&planner.layout, &planner.options, (a, b), edge) {
                 Err(rejection) => rejection,
                 Ok(_) if is_left_out => Rejection::LeftOut,
+                Ok(_) if is_avoided => Rejection::Avoided,
                 Ok(_) => continue,
             };
             if is_reached[a.index()] && planner.costs.cost(b).is_some() {
@@ -178,6 +243,7 @@ fn reason(rejection: Rejection) -> &'static str {
         Rejection::Kind => "learned edges are switched off",
         Rejection::LeftOut => "predicted_edges leaves it out",
         Rejection::Price => "disconnected is its most probable class",
+        Rejection::Avoided => "it touches a region that is to be avoided",
         Rejection::Leap => "it leads further ahead than forward_leap_steps allows",
     }
 }

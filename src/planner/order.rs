@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 
 use super::roads::{Road, Roads, road_price};
 use super::timeline::Timeline;
-use super::{CostToGo, FinalChoice, PlaceId, PlannerError, PlannerOptions};
+use super::{CostToGo, FinalChoice, PlaceId, PlannerError, PlannerOptions, Start, Terms};
 use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph, left_out};
 use crate::task::{OrderAutomaton, Task};
 
@@ -22,8 +22,8 @@ pub struct SettledOrder {
     pub steps: u32,
 }
 
-/// Which order of tasks is cheapest, from the start of any demonstration of its first task to an end of its
-/// last one: one search over the product of graph and automaton, in which each transition has its own
+/// Which order of tasks is cheapest, from where the terms say that the robot starts to an end of its last
+/// task: one search over the product of graph and automaton, in which each transition has its own
 /// copy of its task's states. Optional parts are done wherever a way leads through them.
 ///
 /// `tasks` are those of the automaton with their subgoals, `final_task` the one whose end is to be the end
@@ -37,10 +37,10 @@ pub fn settle_order(
     automaton: &OrderAutomaton,
     tasks: &[Task],
     final_task: Option<&str>,
-    (choice, options): (&FinalChoice, &PlannerOptions),
+    (terms, options): (&Terms, &PlannerOptions),
 ) -> Result<Option<SettledOrder>, PlannerError> {
     let product = Product::new(graph, automaton, tasks)?;
-    let roads = product.roads(final_task, choice, options);
+    let roads = product.roads(final_task, terms, options);
     let costs = CostToGo::new(&roads, &[product.goal()]);
     let Some(total) = costs.cost(product.start()) else {
         return Ok(None);
@@ -164,27 +164,26 @@ impl<'a> Product<'a> {
         next
     }
 
-    fn roads(
-        &self,
-        final_task: Option<&str>,
-        choice: &FinalChoice,
-        options: &PlannerOptions,
-    ) -> Roads {
+    fn roads(&self, final_task: Option<&str>, terms: &Terms, options: &PlannerOptions) -> Roads {
         let mut roads = Vec::new();
+        let left_out = left_out(self.graph, &options.predicted_edges);
+        let avoided = terms.avoided();
+        let strangers = terms.strangers();
+        let is_closed = |from: NodeId, to: NodeId| {
+            left_out.contains(&(from, to))
+                || avoided.contains_key(&from)
+                || avoided.contains_key(&to)
+                || strangers.contains(&from)
+                || strangers.contains(&to)
+        };
         for (next, skips) in self.next(0) {
             if let Some(occurrence) = next {
-                let task = &self.occurrences[occurrence].task.name;
-                let starts = self.timelines[task.as_str()].time_steps.keys();
-                let starts = starts.filter(|node| self.graph.node(**node).step == 0);
-                roads.extend(
-                    starts.map(|node| link(self.start().0, self.place(occurrence, *node), skips)),
-                );
+                self.add_starts(&mut roads, (occurrence, skips), terms, options, &is_closed);
             }
         }
-        let left_out = left_out(self.graph, &options.predicted_edges);
         let following: Vec<_> = self.occurrences.iter().map(|o| self.next(o.to)).collect();
         let edges = self.graph.edges();
-        for (from, to, edge) in edges.filter(|(from, to, _)| !left_out.contains(&(*from, *to))) {
+        for (from, to, edge) in edges.filter(|(from, to, _)| !is_closed(*from, *to)) {
             for (here, there, skips) in self.joined(from, to, edge, &following) {
                 let ahead = || self.ahead((from, here), (to, there));
                 let Ok(price) = road_price(options, edge, ahead) else {
@@ -208,7 +207,8 @@ impl<'a> Product<'a> {
                 continue;
             };
             for node in self.timelines[task.name.as_str()].time_steps.keys() {
-                if self.is_final(*node, task, choice) {
+                let is_open = !avoided.contains_key(node) && !strangers.contains(node);
+                if is_open && self.is_final(*node, task, &terms.end) {
                     roads.push(link(self.place(occurrence, *node), self.goal().0, *skips));
                 }
             }
@@ -216,11 +216,66 @@ impl<'a> Product<'a> {
         Roads::from_roads(self.places as usize + 2, roads)
     }
 
+    /// The ways into an occurrence that may be the first one.
+    fn add_starts(
+        &self,
+        roads: &mut Vec<Road>,
+        (occurrence, skips): (usize, usize),
+        terms: &Terms,
+        options: &PlannerOptions,
+        is_closed: &dyn Fn(NodeId, NodeId) -> bool,
+    ) {
+        let task = self.occurrences[occurrence].task;
+        let states = self.timelines[task.name.as_str()]
+            .time_steps
+            .keys()
+            .copied();
+        if let Start::After(before) = &terms.start {
+            let timeline = Timeline::new(self.graph, before);
+            let ends = self
+                .graph
+                .nodes()
+                .filter(|(_, n)| n.task == *before && n.is_end);
+            for (end, _) in ends {
+                for (to, edge) in self
+                    .graph
+                    .edges_from(end)
+                    .filter(|(to, _)| !is_closed(end, *to))
+                {
+                    let entered = self.graph.node(to);
+                    let due = task.subgoals.get(..entered.progress as usize);
+                    if entered.task != task.name || !due.is_some_and(|due| entered.reaches(due)) {
+                        continue;
+                    }
+                    let rest = timeline.length_steps - timeline.time_steps[&end];
+                    let ahead = || rest + self.timelines[task.name.as_str()].time_steps[&to];
+                    if let Ok(price) = road_price(options, edge, ahead) {
+                        let mut road = link(self.start().0, self.place(occurrence, to), skips);
+                        road.cost += price.cost;
+                        road.price = road.cost;
+                        road.steps = price.steps;
+                        roads.push(road);
+                    }
+                }
+            }
+            return;
+        }
+        let is_start = |node: &NodeId| {
+            let node = self.graph.node(*node);
+            match terms.start {
+                Start::Anywhere => node.progress == 0,
+                _ => node.step == 0,
+            }
+        };
+        let starts = states.filter(is_start);
+        roads.extend(starts.map(|node| link(self.start().0, self.place(occurrence, node), skips)));
+    }
+
     fn is_final(&self, node: NodeId, task: &Task, choice: &FinalChoice) -> bool {
         let node = self.graph.node(node);
         let is_chosen = match choice {
             FinalChoice::Demonstration(id) => node.trajectory == *id,
-            FinalChoice::Cheapest | FinalChoice::Nearest => true,
+            FinalChoice::Cheapest | FinalChoice::Nearest | FinalChoice::All => true,
         };
         node.is_end && node.progress as usize >= task.subgoals.len() && is_chosen
     }
@@ -247,7 +302,9 @@ impl<'a> Product<'a> {
                 let due = subgoals.get(held(before)..held(entered.progress as usize));
                 due.is_some_and(|due| entered.reaches(due))
             };
-            if left.task == entered.task && reaches(here, left.progress as usize) {
+            // What joins the end of a task to its own start leads into another round.
+            let is_round = edge.kind == EdgeKind::CrossTask && left.task == entered.task;
+            if left.task == entered.task && !is_round && reaches(here, left.progress as usize) {
                 joined.push((here, here, 0));
             }
             let is_done = left.progress as usize >= occurrence.task.subgoals.len();

@@ -1,12 +1,14 @@
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::{Arc, OnceLock};
 
 use super::choice::final_places;
-use super::no_path::explain;
+use super::localisation::Outset;
+use super::no_path::{explain, explain_no_entry};
 use super::roads::Roads;
+use super::source::{Source, sources};
 use super::{
     Audit, CostToGo, FilterOptions, FinalChoice, Layout, NoPath, PlaceId, PlannerError,
-    PlannerOptions, Search, StageFilter, audit,
+    PlannerOptions, Search, StageFilter, Start, Terms, audit,
 };
 use crate::graph::{NodeId, StageClassifier, TopologicalGraph, left_out};
 use crate::task::Automaton;
@@ -71,7 +73,10 @@ pub struct Planner {
     pub(super) left_out: HashSet<(NodeId, NodeId)>,
     pub(super) roads: Roads,
     pub(super) costs: CostToGo,
-    finals: Vec<PlaceId>,
+    pub(super) terms: Terms,
+    /// States of avoided regions, with their region's place in the terms.
+    pub(super) avoided: HashMap<NodeId, usize>,
+    pub(super) finals: Vec<PlaceId>,
     /// What going to a state, or between two states, costs extra because it failed.
     failed_nodes: BTreeMap<NodeId, f64>,
     failed_edges: BTreeMap<(NodeId, NodeId), f64>,
@@ -80,7 +85,8 @@ pub struct Planner {
 }
 
 impl Planner {
-    /// Lays the graph out along the composition and searches the cost-to-go of every place.
+    /// Lays the graph out along the composition and searches the cost-to-go of every place. The terms may
+    /// be as little as a [`FinalChoice`].
     ///
     /// # Errors
     /// [`PlannerError`] when the composition does not fit the graph or has no final state. That no
@@ -88,13 +94,23 @@ impl Planner {
     pub fn new(
         graph: Arc<TopologicalGraph>,
         automaton: &Automaton,
-        final_choice: &FinalChoice,
+        terms: impl Into<Terms>,
         options: PlannerOptions,
     ) -> Result<Self, PlannerError> {
-        let layout = Layout::new(&graph, automaton, options.search)?;
-        let finals = final_places(&graph, automaton, &layout, final_choice)?;
+        let terms = terms.into();
+        let layout = Layout::without(&graph, automaton, options.search, &terms.strangers())?;
+        check_start(&graph, automaton, &terms.start)?;
+        let avoided = terms.avoided();
+        let mut finals = final_places(&graph, automaton, &layout, &terms.end)?;
+        finals.retain(|place| !avoided.contains_key(&layout.place(*place).node));
+        if finals.is_empty() {
+            return Err(PlannerError::FinalStatesAvoided {
+                task: automaton.tasks().last().cloned().unwrap_or_default(),
+                regions: region_names(&terms),
+            });
+        }
         let left_out = left_out(&graph, &options.predicted_edges);
-        let roads = Roads::new(&graph, &layout, &options, &left_out);
+        let roads = Roads::new(&graph, &layout, &options, &left_out, &avoided);
         let costs = CostToGo::new(&roads, &finals);
         let mut planner = Self {
             graph,
@@ -104,20 +120,22 @@ impl Planner {
             left_out,
             roads,
             costs,
+            terms,
+            avoided,
             finals,
             failed_nodes: BTreeMap::new(),
             failed_edges: BTreeMap::new(),
             classifier: Arc::default(),
         };
-        if *final_choice == FinalChoice::Nearest {
+        if planner.terms.end == FinalChoice::Nearest {
             planner.keep_nearest_final();
         }
         Ok(planner)
     }
 
     fn keep_nearest_final(&mut self) {
-        let start = self.cheapest_start();
-        if let Some(end) = start.and_then(|s| self.places_to_goal(s).last().copied()) {
+        let start = self.cheapest_source();
+        if let Some(end) = start.and_then(|s| self.places_to_goal(s.place).last().copied()) {
             self.finals = vec![end];
             self.costs = CostToGo::new(&self.roads, &self.finals);
         }
@@ -147,6 +165,12 @@ impl Planner {
         &self.options
     }
 
+    /// Where plans start, where they may end, and what they do not pass.
+    #[must_use]
+    pub fn terms(&self) -> &Terms {
+        &self.terms
+    }
+
     /// The cost-to-go of every place.
     #[must_use]
     pub fn costs(&self) -> &CostToGo {
@@ -173,15 +197,33 @@ impl Planner {
             .collect()
     }
 
-    /// The plan from the first state of whichever demonstration of the first task is cheapest.
+    /// The cheapest plan from where the [terms](Terms::start) say that the robot is: by default from the
+    /// first state of a demonstration of the first task.
     ///
     /// # Errors
-    /// [`NoPath`] when no final state can be reached from any of them.
+    /// [`NoPath`] when no final state can be reached from any such state.
     pub fn plan_from_start(&self) -> Result<Plan, NoPath> {
-        match self.cheapest_start() {
-            Some(start) => Ok(self.plan_at(start)),
-            None => Err(explain(self, &self.starts())),
+        if let Some(source) = self.cheapest_source() {
+            return Ok(self.plan_by(&source));
         }
+        let sources = self.sources();
+        if sources.is_empty() {
+            return Err(explain_no_entry(self));
+        }
+        let places: Vec<PlaceId> = sources.iter().map(|s| s.place).collect();
+        Err(explain(self, &places))
+    }
+
+    /// The plan that begins at a source.
+    pub(super) fn plan_by(&self, source: &Source) -> Plan {
+        let mut plan = self.plan_at(source.place);
+        if let Some(before) = source.before {
+            plan.route.insert(0, before);
+            plan.stages.insert(0, 0);
+            plan.cost += source.cost;
+            plan.steps += source.steps;
+        }
+        plan
     }
 
     /// The plan from a state of the graph, at the first occurrence of its task.
@@ -198,29 +240,22 @@ impl Planner {
         }
     }
 
-    /// Places of the first states of the first task's demonstrations.
-    fn starts(&self) -> Vec<PlaceId> {
-        let is_start = |id: &PlaceId| {
-            let place = self.layout.place(*id);
-            place.occurrence == 0 && self.graph.node(place.node).step == 0
-        };
-        self.all_places().filter(is_start).collect()
+    /// Where plans from the start may begin.
+    pub(super) fn sources(&self) -> Vec<Source> {
+        sources(self)
     }
 
     pub(super) fn all_places(&self) -> impl Iterator<Item = PlaceId> + use<> {
         (0..self.layout.places().len() as u32).map(PlaceId)
     }
 
-    fn cheapest_start(&self) -> Option<PlaceId> {
-        let cost = |id: &PlaceId| self.costs.cost(*id);
-        self.starts()
-            .into_iter()
-            .filter(|id| cost(id).is_some())
-            .min_by(|a, b| {
-                cost(a)
-                    .unwrap_or(f64::MAX)
-                    .total_cmp(&cost(b).unwrap_or(f64::MAX))
-            })
+    pub(super) fn cheapest_source(&self) -> Option<Source> {
+        let priced = self.sources().into_iter().filter_map(|source| {
+            let beyond = self.costs.cost(source.place)?;
+            Some((source.cost + beyond, source))
+        });
+        let cheapest = priced.min_by(|a, b| a.0.total_cmp(&b.0));
+        cheapest.map(|(_, source)| source)
     }
 
     /// The cheapest way from a place, itself first.
@@ -255,7 +290,8 @@ impl Planner {
         audit(&self.graph, &self.automaton, &plan.route)
     }
 
-    /// A filter that says where in the composition the robot is, at its beginning.
+    /// A filter that says where in the composition the robot is, at the beginning where the
+    /// [terms](Terms::start) say that it starts.
     ///
     /// # Panics
     /// Never: the composition was laid out on this graph before.
@@ -263,10 +299,27 @@ impl Planner {
     pub fn stage_filter(&self, options: FilterOptions) -> StageFilter {
         let layout = match self.options.search {
             Search::InOrder => self.layout.clone(),
-            Search::Unconstrained => Layout::new(&self.graph, &self.automaton, Search::InOrder)
-                .expect("the planner's own layout names the same tasks"),
+            Search::Unconstrained => Layout::without(
+                &self.graph,
+                &self.automaton,
+                Search::InOrder,
+                &self.terms.strangers(),
+            )
+            .expect("the planner's own layout names the same tasks"),
         };
-        StageFilter::new(layout, options)
+        StageFilter::beginning(layout, options, self.outset())
+    }
+
+    fn outset(&self) -> Outset {
+        match &self.terms.start {
+            Start::Beginning => Outset::Beginning,
+            Start::Anywhere => Outset::Anywhere,
+            Start::Stage(stage) => Outset::Stage(*stage),
+            Start::After(_) => {
+                let sources = self.sources();
+                Outset::Places(sources.iter().map(|s| (s.place, s.probability)).collect())
+            }
+        }
     }
 
     /// Tells stages of the graph's tasks from a latent alone. It is learnt from the graph at the first call
@@ -338,6 +391,32 @@ impl Planner {
         }
         self.costs.repair(&self.roads, &changed)
     }
+}
+
+fn check_start(
+    graph: &TopologicalGraph,
+    automaton: &Automaton,
+    start: &Start,
+) -> Result<(), PlannerError> {
+    let known = graph.tasks();
+    match start {
+        Start::After(task) if !known.contains(&task.as_str()) => Err(PlannerError::UnknownStart {
+            task: task.clone(),
+            known: known.join(", "),
+        }),
+        Start::Stage(stage) if *stage >= automaton.stage_count() => {
+            Err(PlannerError::UnknownStage {
+                stage: *stage,
+                subgoals: automaton.subgoals().len(),
+            })
+        }
+        _ => Ok(()),
+    }
+}
+
+pub(super) fn region_names(terms: &Terms) -> String {
+    let names: Vec<&str> = terms.avoid.iter().map(|r| r.name.as_str()).collect();
+    names.join(", ")
 }
 
 #[cfg(test)]

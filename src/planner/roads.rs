@@ -1,4 +1,4 @@
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use super::{EdgeChoice, Layout, PlaceId, PlannerOptions, Price};
 use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph};
@@ -37,6 +37,8 @@ pub(super) enum Rejection {
     Price,
     /// It leads too far ahead for its steps.
     Leap,
+    /// One of its states is to be avoided.
+    Avoided,
 }
 
 impl Roads {
@@ -45,10 +47,16 @@ impl Roads {
         layout: &Layout,
         options: &PlannerOptions,
         left_out: &HashSet<(NodeId, NodeId)>,
+        avoided: &HashMap<NodeId, usize>,
     ) -> Self {
         let mut roads = Vec::new();
+        let is_closed = |from: &NodeId, to: &NodeId| {
+            left_out.contains(&(*from, *to))
+                || avoided.contains_key(from)
+                || avoided.contains_key(to)
+        };
         let edges = graph.edges();
-        for (from, to, edge) in edges.filter(|(from, to, _)| !left_out.contains(&(*from, *to))) {
+        for (from, to, edge) in edges.filter(|(from, to, _)| !is_closed(from, to)) {
             for (a, b) in layout.joined(graph, from, to, edge) {
                 roads.extend(road(layout, options, (a, b), edge).ok());
             }
@@ -68,6 +76,25 @@ impl Roads {
             into,
             in_starts,
         }
+    }
+
+    /// The same roads the other way, and one more place from which the first of these lead into them, each
+    /// at a cost.
+    pub(super) fn reversed_from(&self, sources: &[(PlaceId, f64, u32)]) -> Self {
+        let start = self.place_count() as u32;
+        let mut roads: Vec<Road> = self.sorted.clone();
+        for road in &mut roads {
+            (road.from, road.to) = (road.to, road.from);
+        }
+        roads.extend(sources.iter().map(|(place, cost, steps)| Road {
+            from: place.0,
+            to: start,
+            cost: *cost,
+            price: *cost,
+            steps: *steps,
+            kind: EdgeKind::CrossTask,
+        }));
+        Self::from_roads(self.place_count() + 1, roads)
     }
 
     pub(super) fn place_count(&self) -> usize {

@@ -5,6 +5,7 @@ mod following;
 mod orders;
 mod reference;
 mod routes;
+mod terms;
 mod worlds;
 
 pub(super) use corridor::layout as layout_of_corridor;

@@ -56,21 +56,32 @@ impl Automaton {
         stage >= self.subgoals.len()
     }
 
-    /// The stage at which a subgoal is due: its place in the order.
+    /// The stage at which a subgoal is due: its first place in the order. A subgoal of a task that is
+    /// done several times has more, see [`next_due_stage`](Self::next_due_stage).
     #[must_use]
     pub fn due_stage(&self, subgoal: &Subgoal) -> Option<usize> {
         self.subgoals.iter().position(|s| s == subgoal)
     }
 
+    /// The stage at which a subgoal is due, of those at which `stage` subgoals or more are reached.
+    #[must_use]
+    pub fn next_due_stage(&self, stage: usize, subgoal: &Subgoal) -> Option<usize> {
+        let rest = self.subgoals.get(stage..)?;
+        Some(stage + rest.iter().position(|s| s == subgoal)?)
+    }
+
     /// What reaching `subgoal` means when the first `stage` subgoals are reached.
     #[must_use]
     pub fn transition(&self, stage: usize, subgoal: &Subgoal) -> Transition {
-        match self.due_stage(subgoal) {
+        let was_reached = self.due_stage(subgoal).is_some_and(|first| first < stage);
+        match self.next_due_stage(stage, subgoal) {
             Some(due) if due == stage => Transition::Advance(stage + 1),
-            Some(due) if due > stage => Transition::Shortcut {
+            // That of an earlier round still holds.
+            Some(_) if was_reached => Transition::Stay,
+            Some(due) => Transition::Shortcut {
                 skipped: (stage..due).collect(),
             },
-            _ => Transition::Stay,
+            None => Transition::Stay,
         }
     }
 }
@@ -106,5 +117,23 @@ mod tests {
             }
         );
         assert!(automaton.is_accepting(3) && !automaton.is_accepting(2));
+    }
+
+    #[test]
+    fn subgoal_of_a_second_round_is_due_in_its_turn() {
+        let [a, b] = ["a", "b"].map(|name| Subgoal {
+            task: "t".to_owned(),
+            name: name.to_owned(),
+        });
+        let round = Task {
+            name: "t".to_owned(),
+            subgoals: vec![a.clone(), b.clone()],
+        };
+        let automaton = Automaton::in_order(&[round.clone(), round]);
+        assert_eq!(automaton.transition(1, &a), Transition::Stay);
+        assert_eq!(automaton.transition(2, &a), Transition::Advance(3));
+        assert_eq!(automaton.transition(4, &b), Transition::Stay);
+        assert_eq!(automaton.next_due_stage(1, &a), Some(2));
+        assert_eq!(automaton.next_due_stage(3, &a), None);
     }
 }

@@ -1,13 +1,16 @@
 //! A merged graph as one picture: a block a task, a line a demonstration, and what joins the tasks.
 
+mod automaton;
 mod canvas;
 mod edges;
 mod labels;
 mod legend;
+mod orders;
 mod route;
 
 use std::path::Path;
 
+pub use automaton::{automaton_svg, write_automaton_svg};
 use canvas::Canvas;
 
 use super::layout::{Frame, GraphLayout};

@@ -52,11 +52,18 @@ fn bytes_of(folder: &Path) -> Vec<(String, Vec<u8>)> {
 
 /// The shipped chain with at most 8 steps, as a file in a folder.
 fn short_run(folder: &Path) -> PathBuf {
+    run_of_steps(folder, 8)
+}
+
+fn run_of_steps(folder: &Path, steps: u32) -> PathBuf {
     let file = folder.join("short_run.yaml");
     let yaml = fs::read_to_string(root().join("tasks/sequences/sock_then_trash.yaml"))
         .expect("the composition")
         .replace("name: sock_then_trash", "name: short_run")
-        .replace("limits: {steps: 400}", "limits: {steps: 8}");
+        .replace(
+            "limits: {steps: 400}",
+            &format!("limits: {{steps: {steps}}}"),
+        );
     fs::write(&file, yaml).expect("written");
     file
 }
@@ -232,6 +239,99 @@ fn a_run_leaves_its_files() {
     assert_eq!(summary["success"], false);
     let report = succeeded(&["demos", path(&out.join("rollout.mcap"))]);
     assert!(report.contains("/plan"), "{report}");
+}
+
+#[test]
+fn a_run_goes_on_from_the_stage_that_an_earlier_one_had_come_to() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = run_of_steps(folder.path(), 30);
+    let [first, second] = ["first", "second"].map(|name| folder.path().join(name));
+    succeeded(&["run", path(&file), "--out", path(&first)]);
+    let recording = first.join("rollout.mcap");
+    let resume = |stage: &str, more: &[&str]| {
+        let words = [
+            "run",
+            path(&file),
+            "--resume",
+            stage,
+            "--out",
+            path(&second),
+        ];
+        catena(&[&words[..], more].concat())
+    };
+    let output = resume("drawer_open", &["--from", path(&recording)]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let read = |folder: &Path| -> serde_json::Value {
+        let summary = fs::read(folder.join("summary.json")).expect("the summary");
+        serde_json::from_slice(&summary).expect("JSON")
+    };
+    let (before, after) = (read(&first), read(&second));
+    let reached = &before["subgoals"][0]["step"];
+    assert!(reached.is_u64(), "the drawer was opened: {before}");
+    assert_eq!(&after["resumed"]["replayed_steps"], reached);
+    assert_eq!(&after["subgoals"][0]["step"], reached);
+    assert_eq!(after["resumed"]["stage"], 1);
+    assert_eq!(after["seed"], before["seed"]);
+    // What had not been reached cannot be gone on from, nor what is not there.
+    let output = resume("4", &["--from", path(&recording)]);
+    let said = text(&output.stderr);
+    assert!(
+        !output.status.success() && said.contains("never reached"),
+        "{said}"
+    );
+    let output = resume("drawer_opened", &[]);
+    assert!(text(&output.stderr).contains("it can from: drawer_open (1)"));
+    let output = resume("1", &[]);
+    assert!(text(&output.stderr).contains("no recording to resume from"));
+}
+
+#[test]
+fn a_plan_is_explained_in_words_and_as_json() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let compose = |more: &[&str]| {
+        let words = [
+            "compose",
+            "tasks/sequences/tidy_any_order.yaml",
+            "--explain",
+            "--out",
+        ];
+        succeeded(&[&words[..], &[path(&out)], more].concat())
+    };
+    let explained: serde_json::Value = serde_json::from_str(&compose(&["--json"])).expect("JSON");
+    let explanation = &explained["explanation"];
+    assert_eq!(explanation["orders"]["planned"], 6);
+    let orders = explanation["orders"]["listed"].as_array().expect("orders");
+    assert_eq!(orders[0]["is_chosen"], true);
+    assert_eq!(orders[0]["tasks"], explained["tasks"]);
+    let parts = explanation["parts"].as_array().expect("parts");
+    let steps: u64 = parts
+        .iter()
+        .map(|p| p["steps"].as_u64().expect("a number"))
+        .sum();
+    assert_eq!(explained["steps"], steps);
+    let edges = explanation["odds"]["predicted_edges"]
+        .as_array()
+        .expect("edges");
+    let product: f64 = edges
+        .iter()
+        .map(|e| e["connected_probability"].as_f64().expect("a probability"))
+        .product();
+    let holds = explanation["odds"]["probability"]
+        .as_f64()
+        .expect("a probability");
+    assert!((holds - product).abs() < 1e-6, "{holds} for {product}");
+    let words = compose(&[]);
+    for part in [
+        "in any order",
+        "does not connect",
+        "the end of sock",
+        "onward",
+        "the end of wine",
+    ] {
+        assert!(words.contains(part), "{part} is missing:\n{words}");
+    }
+    assert!(out.join("automaton.svg").is_file());
 }
 
 #[test]

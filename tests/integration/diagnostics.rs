@@ -10,7 +10,8 @@ use catena::composer::{
     Calibration, Composition, Diagnostics, Rendering, Source, compose, compose_named,
     compose_source, load_task,
 };
-use catena::planner::PlannerOptions;
+use catena::planner::{PlannerOptions, Start};
+use catena::storage::load_graph;
 
 const CASES: &str = "tests/diagnostics/compositions";
 const ROOT: &str = "tests/diagnostics/project";
@@ -46,6 +47,15 @@ fn summary(composition: &Composition) -> String {
     )
     .unwrap();
     writeln!(text, "{:?}", c.limits).unwrap();
+    if c.start != Start::Beginning {
+        writeln!(text, "start {:?}", c.start).unwrap();
+    }
+    let (passed, avoided) = c.regions();
+    for (what, regions) in [("via", passed), ("avoid", avoided)] {
+        for region in regions {
+            writeln!(text, "{what} {region}: {region:?}").unwrap();
+        }
+    }
     // The defaults are tuned now and then; that is no change of what a file says.
     if c.planner == PlannerOptions::default() {
         writeln!(text, "planner by default").unwrap();
@@ -104,6 +114,18 @@ fn every_case_is_told_in_full() {
         );
         snapshot(name, &told(&result));
     }
+}
+
+/// What only a graph can tell of regions is told with their lines too.
+#[test]
+fn regions_that_a_graph_does_not_have_are_told() {
+    let path = Path::new("tests/diagnostics/regions/not_in_the_graph.yaml");
+    let mut composition = compose(path, Path::new("")).expect("it is sound in itself");
+    let (graph, _) = load_graph(&composition.tasks[0].graph).expect("the shipped graph");
+    let faults = composition
+        .place_regions(graph)
+        .expect_err("nothing of it is there");
+    snapshot("regions_not_in_the_graph", &faults.render(Rendering::Plain));
 }
 
 #[test]

@@ -4,3 +4,5 @@ mod architecture;
 mod broken_graphs;
 mod command;
 mod diagnostics;
+mod language;
+mod schemas;

@@ -6,7 +6,8 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
 use super::worlds::{World, free_options, random_world};
-use crate::planner::{FinalChoice, Planner, PlannerOptions, Search, settle_order};
+use crate::graph::NodeId;
+use crate::planner::{AvoidedRegion, Planner, PlannerOptions, Search, Start, Terms, settle_order};
 use crate::task::{Automaton, Order, OrderAutomaton, Task};
 
 /// The tasks of a world, in some order of theirs that may leave things open.
@@ -51,22 +52,39 @@ fn ways(automaton: &OrderAutomaton, state: usize) -> Vec<(Vec<String>, usize)> {
         .collect()
 }
 
+/// A start of any kind, and some states to avoid.
+fn random_terms(world: &mut World, tasks: &[Task]) -> Terms {
+    let before = tasks[world.rng.random_range(0..tasks.len())].name.clone();
+    let start = match world.rng.random_range(0..4) {
+        0 => Start::Anywhere,
+        1 => Start::After(before),
+        _ => Start::Beginning,
+    };
+    let share = if world.rng.random_bool(0.5) { 0.1 } else { 0.0 };
+    let nodes: Vec<NodeId> = world.graph.nodes().map(|(id, _)| id).collect();
+    let states = nodes
+        .into_iter()
+        .filter(|_| world.rng.random_bool(share))
+        .collect();
+    let name = "some".to_owned();
+    Terms {
+        start,
+        avoid: vec![AvoidedRegion { name, states }],
+        ..Terms::default()
+    }
+}
+
 /// What the cheapest plan costs that does these tasks in this order.
 fn cost_in_order(
     world: &World,
     tasks: &[Task],
     order: &[String],
-    options: &PlannerOptions,
+    (terms, options): (&Terms, &PlannerOptions),
 ) -> Option<f64> {
     let of = |name: &String| tasks.iter().find(|t| t.name == *name).cloned();
     let order: Vec<Task> = order.iter().filter_map(of).collect();
     let automaton = Automaton::in_order(&order);
-    let planner = Planner::new(
-        world.graph.clone(),
-        &automaton,
-        &FinalChoice::Cheapest,
-        options.clone(),
-    );
+    let planner = Planner::new(world.graph.clone(), &automaton, terms, options.clone());
     Some(planner.ok()?.plan_from_start().ok()?.cost)
 }
 
@@ -89,14 +107,16 @@ proptest! {
             .collect();
         let order = random_order(&tasks, &mut world.rng);
         let automaton = OrderAutomaton::new(&order).expect("it is small");
+        let terms = random_terms(&mut world, &tasks);
+        let how = (&terms, &options);
         let settled = settle_order(
-            &world.graph, &automaton, &tasks, None, (&FinalChoice::Cheapest, &options),
+            &world.graph, &automaton, &tasks, None, how,
         ).expect("the graph has all tasks");
         let best = ways(&automaton, 0)
             .into_iter()
             .filter(|(order, _)| !order.is_empty())
             .filter_map(|(order, skips)| {
-                Some((skips, cost_in_order(&world, &tasks, &order, &options)?))
+                Some((skips, cost_in_order(&world, &tasks, &order, how)?))
             })
             .min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
         match (settled, best) {
@@ -104,7 +124,7 @@ proptest! {
             (Some(settled), Some((skips, cost))) => {
                 prop_assert_eq!(settled.left_out, skips);
                 prop_assert!((settled.cost - cost).abs() < 1e-6, "{:?} for {}", settled, cost);
-                let own = cost_in_order(&world, &tasks, &settled.tasks, &options);
+                let own = cost_in_order(&world, &tasks, &settled.tasks, how);
                 prop_assert!(own.is_some_and(|own| (own - cost).abs() < 1e-6));
             }
             (settled, best) => prop_assert!(false, "{settled:?} and {best:?} of {order:?}"),

@@ -36,14 +36,16 @@ impl World {
         stages
     }
 
-    /// The stage after entering a node at a stage, by replaying its subgoals one by one.
+    /// The stage after entering a node at a stage, by replaying its subgoals one by one, each once.
     fn replay(&self, mut stage: usize, node: NodeId) -> usize {
         let subgoals = self.automaton.subgoals();
+        let mut reached = self.graph.node(node).reached.clone();
         loop {
             let due = subgoals.get(stage);
-            if !due.is_some_and(|d| self.graph.node(node).reached.contains(d)) {
+            let Some(at) = due.and_then(|d| reached.iter().position(|s| s == d)) else {
                 return stage;
-            }
+            };
+            reached.remove(at);
             stage += 1;
         }
     }

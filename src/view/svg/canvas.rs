@@ -90,6 +90,15 @@ impl Canvas {
         ));
     }
 
+    /// Adds a white circle with a rim.
+    pub(super) fn circle(&mut self, [x, y]: [f32; 2], radius: f32, rim: Rgb) {
+        self.push(format_args!(
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" fill=\"#ffffff\" stroke=\"{}\" \
+             stroke-width=\"3\"/>",
+            rim.hex()
+        ));
+    }
+
     pub(super) fn finish(mut self) -> String {
         self.text.push_str("</svg>\n");
         self.text

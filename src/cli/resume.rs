@@ -1,0 +1,141 @@
+//! `catena run --resume`: where an earlier run is gone on from.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::arguments::RunArguments;
+use super::error::CliError;
+use super::graph::results_folder;
+use super::loaded::Loaded;
+use crate::experiment::{ExperimentError, ResumedBedroom, ScoredBedroom};
+use crate::planner::Start;
+use crate::simulator::Bedroom;
+use crate::storage::read_trajectory;
+use crate::task::Automaton;
+
+/// Name of a run's recording in its folder.
+pub(super) const RECORDING: &str = "rollout.mcap";
+
+/// Where a run goes on from, as `summary.json` says it.
+#[derive(Serialize)]
+pub(super) struct ResumeReport {
+    stage: usize,
+    recording: PathBuf,
+    replayed_steps: usize,
+}
+
+impl fmt::Display for ResumeReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            " on from the {} of {}",
+            self.replayed_steps,
+            self.recording.display()
+        )
+    }
+}
+
+/// The stage that a run is to begin at, by its number or by the subgoal that begins it.
+pub(super) fn stage_named(name: &str, automaton: &Automaton) -> Result<usize, CliError> {
+    let subgoals = automaton.subgoals();
+    let by_number = name.parse::<usize>().ok();
+    let by_name = subgoals
+        .iter()
+        .position(|s| s.name == *name)
+        .map(|at| at + 1);
+    let stage = by_number
+        .or(by_name)
+        .filter(|stage| *stage < subgoals.len());
+    stage.ok_or_else(|| {
+        let before_last = subgoals[..subgoals.len() - 1].iter();
+        let names: Vec<String> = before_last
+            .enumerate()
+            .map(|(i, s)| format!("{} ({})", s.name, i + 1))
+            .collect();
+        CliError::UnknownStage {
+            found: name.to_owned(),
+            known: names.join(", "),
+        }
+    })
+}
+
+/// Makes the composition start at the stage that is asked for.
+pub(super) fn start_at(loaded: &mut Loaded, stage: usize) {
+    loaded.composition.start = Start::Stage(stage);
+}
+
+/// The folder of the results of a run that is gone on with.
+pub(super) fn folder(name: &str, stage: usize) -> PathBuf {
+    results_folder(name).join(format!("from_stage_{stage}"))
+}
+
+/// The room as the recorded run left it when the stage began, and what is to be said of it.
+pub(super) fn room(
+    loaded: &Loaded,
+    run_arguments: &RunArguments,
+    stage: usize,
+) -> Result<(ResumedBedroom, ResumeReport), CliError> {
+    let composition = &loaded.composition;
+    let earlier = || results_folder(&composition.name).join(RECORDING);
+    let path = run_arguments.from.clone().unwrap_or_else(earlier);
+    if !path.is_file() {
+        return Err(CliError::NothingToResume {
+            recording: path,
+            composition: composition.name.clone(),
+        });
+    }
+    let recording = read_trajectory(&path)?;
+    let seed = recording
+        .report
+        .metadata
+        .get("seed")
+        .and_then(|s| s.parse().ok());
+    let seed = seed.ok_or_else(|| ExperimentError::SeedMissing {
+        recording: named(&path),
+    })?;
+    let bedroom = Bedroom::new(loaded.bedroom()?);
+    let room = ScoredBedroom::new(bedroom, &composition.demonstrated_automaton());
+    let due = composition.demonstrated_stage(stage);
+    let room = ResumedBedroom::new(room, &recording.trajectory, seed, due)?;
+    let report = ResumeReport {
+        stage,
+        recording: path,
+        replayed_steps: room.replayed_steps(),
+    };
+    Ok((room, report))
+}
+
+fn named(path: &Path) -> String {
+    path.display().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::task::{Subgoal, Task};
+
+    #[test]
+    fn a_stage_is_named_by_its_number_or_by_what_begins_it() {
+        let subgoal = |name: &str| Subgoal {
+            task: "t".to_owned(),
+            name: name.to_owned(),
+        };
+        let automaton = Automaton::in_order(&[Task {
+            name: "t".to_owned(),
+            subgoals: ["open", "held", "done"].map(subgoal).to_vec(),
+        }]);
+        let stage = |name: &str| stage_named(name, &automaton).ok();
+        assert_eq!(
+            ["0", "2", "open", "held"].map(stage),
+            [Some(0), Some(2), Some(1), Some(2)]
+        );
+        assert_eq!(["3", "done", "opened", "-1"].map(stage), [None; 4]);
+        let error = stage_named("opened", &automaton).unwrap_err().to_string();
+        assert!(
+            error.ends_with("it can from: open (1), held (2)"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,78 @@
+use std::collections::{HashMap, HashSet};
+
+use serde::{Deserialize, Serialize};
+
+use super::FinalChoice;
+use crate::graph::NodeId;
+
+/// Where the robot is when a plan begins.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Start {
+    /// Where demonstrations of the first task begin.
+    #[default]
+    Beginning,
+    /// Anywhere in the first task, at whichever stage of it: the robot finds out from what it sees. A plan
+    /// that is made before begins at whichever state without a subgoal is cheapest.
+    Anywhere,
+    /// At the end of another task, whose graph is merged with those of the composition; a plan leads over
+    /// an edge from one of its end states.
+    After(String),
+    /// At any state at which so many subgoals of the composition are reached. A plan that is made before
+    /// begins where a demonstration reaches the last of them.
+    Stage(usize),
+}
+
+/// States that a plan must not pass.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct AvoidedRegion {
+    /// What the region is called in messages.
+    pub name: String,
+    /// The states.
+    pub states: Vec<NodeId>,
+}
+
+/// What a plan keeps to besides the order of subgoals: where it starts, where it may end, what it does not
+/// pass.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Terms {
+    /// Where the robot is at the beginning.
+    pub start: Start,
+    /// Which end state of the last task it leads to.
+    pub end: FinalChoice,
+    /// What neither a plan nor a goal state on the way may touch.
+    pub avoid: Vec<AvoidedRegion>,
+    /// States that are no part of the composition: neither planned over nor believed in.
+    pub unplaced: Vec<NodeId>,
+}
+
+impl Terms {
+    /// The states that are no part of the composition.
+    pub(super) fn strangers(&self) -> HashSet<NodeId> {
+        self.unplaced.iter().copied().collect()
+    }
+
+    /// The state of each avoided region, with the region's place in the list.
+    pub(super) fn avoided(&self) -> HashMap<NodeId, usize> {
+        let regions = self.avoid.iter().enumerate();
+        regions
+            .flat_map(|(i, region)| region.states.iter().map(move |state| (*state, i)))
+            .collect()
+    }
+}
+
+impl From<&FinalChoice> for Terms {
+    /// From the beginning to this end.
+    fn from(end: &FinalChoice) -> Self {
+        Self {
+            end: end.clone(),
+            ..Self::default()
+        }
+    }
+}
+
+impl From<&Terms> for Terms {
+    fn from(terms: &Terms) -> Self {
+        terms.clone()
+    }
+}

@@ -1,0 +1,295 @@
+//! Where plans start, what they avoid, and what is said of them.
+
+use std::sync::Arc;
+
+use proptest::prelude::*;
+use rand::Rng;
+
+use super::corridor::{automaton, merged, node_at, seen_from, tasks};
+use super::worlds::{free_options, random_world, somewhere};
+use crate::graph::{NodeId, TopologicalGraph, mark_subgoal, states_in};
+use crate::planner::{
+    AvoidedRegion, EdgeChoice, Explanation, FilterOptions, FinalChoice, Planner, PlannerError,
+    PlannerOptions, Search, Start, Terms,
+};
+use crate::task::{Automaton, Order, OrderAutomaton, Region, Subgoal};
+
+fn options() -> PlannerOptions {
+    PlannerOptions {
+        edges: EdgeChoice::All,
+        ..PlannerOptions::default()
+    }
+}
+
+fn avoiding(states: &[NodeId]) -> Terms {
+    Terms {
+        avoid: vec![AvoidedRegion {
+            name: "the puddle".to_owned(),
+            states: states.to_vec(),
+        }],
+        ..Terms::default()
+    }
+}
+
+fn starting(start: Start) -> Terms {
+    Terms {
+        start,
+        ..Terms::default()
+    }
+}
+
+fn corridor_planner(terms: Terms) -> Planner {
+    Planner::new(Arc::new(merged()), &automaton(), terms, options())
+        .expect("the corridor has both tasks")
+}
+
+/// All states of a task of the corridor at a step of their demonstrations.
+fn across(graph: &TopologicalGraph, task: &str, step: u32) -> Vec<NodeId> {
+    let region = Region::of(task).steps(step..=step);
+    states_in(graph, &region, &[]).expect("there are three")
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2_000))]
+
+    /// Avoiding states is planning on the graph without them.
+    #[test]
+    fn avoiding_is_planning_without_the_states(seed: u64) {
+        let mut world = random_world(seed, true);
+        let options = free_options(&mut world.rng, Search::InOrder);
+        let nodes: Vec<NodeId> = world.graph.nodes().map(|(id, _)| id).collect();
+        let avoided: Vec<NodeId> =
+            nodes.into_iter().filter(|_| world.rng.random_bool(0.15)).collect();
+        let mut thinned = TopologicalGraph::new(1, world.graph.d_max());
+        for (id, node) in world.graph.nodes() {
+            thinned.add_node(node.clone(), world.graph.latents().row(id.index()));
+        }
+        let is_open = |id: NodeId| !avoided.contains(&id);
+        for (from, to, edge) in world.graph.edges().filter(|(a, b, _)| is_open(*a) && is_open(*b)) {
+            thinned.add_edge(from, to, edge.clone());
+        }
+        let plan = |graph: Arc<TopologicalGraph>, terms: Terms| {
+            Planner::new(graph, &world.automaton, terms, options.clone()).ok()
+        };
+        let without = plan(Arc::new(thinned), Terms::default());
+        let finals = without.map(|p| (p.final_states(), p));
+        let ends_open = finals.as_ref().is_some_and(|(ends, _)| ends.iter().all(|n| is_open(*n)));
+        // Where a final state is avoided, the other graph still has it as an end that costs nothing.
+        prop_assume!(finals.is_none() || ends_open);
+        let with = plan(world.graph.clone(), avoiding(&avoided));
+        match (with, finals) {
+            (None, None) => {}
+            (Some(with), Some((_, without))) => {
+                let (a, b) = (with.plan_from_start(), without.plan_from_start());
+                prop_assert_eq!(a.as_ref().ok().map(|p| p.cost), b.ok().map(|p| p.cost));
+                if let Ok(plan) = a {
+                    prop_assert!(plan.route.iter().all(|n| is_open(*n)));
+                }
+                let localisation = somewhere(world.stage, with.layout().stage_count());
+                if let Ok(goal) = with.next_goal(&localisation, &world.distances) {
+                    prop_assert!(is_open(goal.node));
+                }
+            }
+            (with, without) => prop_assert!(false, "{} {}", with.is_some(), without.is_some()),
+        }
+    }
+
+    /// What is said of a plan adds up to the plan.
+    #[test]
+    fn parts_and_ends_add_up(seed: u64) {
+        let mut world = random_world(seed, true);
+        let options = free_options(&mut world.rng, Search::InOrder);
+        let planner = Planner::new(
+            world.graph.clone(), &world.automaton, &FinalChoice::Cheapest, options,
+        );
+        let Ok(planner) = planner else { return Ok(()) };
+        let order = world.automaton.tasks().iter().map(|t| Order::Task(t.clone())).collect();
+        let orders = OrderAutomaton::new(&Order::InOrder(order)).expect("it is small");
+        let Ok(explained) = Explanation::new(&planner, &orders, &[], None) else {
+            prop_assert!(planner.plan_from_start().is_err());
+            return Ok(())
+        };
+        let plan = planner.plan_from_start().expect("it was explained");
+        let cost: f64 = explained.parts.iter().map(|p| p.cost).sum();
+        let steps: u32 = explained.parts.iter().map(|p| p.steps).sum();
+        let holds: f64 = explained.parts.iter().map(|p| p.probability).product();
+        prop_assert!((cost - plan.cost).abs() < 1e-6, "{} for {}", cost, plan.cost);
+        prop_assert_eq!(steps, plan.steps);
+        prop_assert!((holds - explained.odds.probability).abs() < 1e-9);
+        for ends in &explained.ends {
+            let chosen: Vec<_> = ends.candidates.iter().filter(|c| c.is_chosen).collect();
+            prop_assert_eq!(chosen.len(), 1, "{:?}", ends);
+            let total = chosen[0].total().expect("the plan leads on");
+            prop_assert!((total - plan.cost).abs() < 1e-6, "{:?}", ends);
+            for other in &ends.candidates {
+                prop_assert!(other.total().is_none_or(|t| t > total - 1e-6), "{:?}", ends);
+            }
+        }
+        prop_assert!(!explained.to_string().is_empty());
+    }
+}
+
+#[test]
+fn no_way_around_what_is_avoided_is_said_with_its_name() {
+    let graph = merged();
+    let planner = corridor_planner(avoiding(&across(&graph, "a", 12)));
+    // An edge of fewer than five steps leads past a single step.
+    assert!(planner.plan_from_start().is_ok());
+    let region = Region::of("a").steps(10..=15);
+    let wall = states_in(&graph, &region, &[]).expect("they are there");
+    let why = corridor_planner(avoiding(&wall))
+        .plan_from_start()
+        .unwrap_err();
+    assert_eq!(why.blocked_by, ["the puddle"]);
+    assert!(why.to_string().contains("avoided: the puddle"), "{why}");
+    let ends: Vec<NodeId> = graph
+        .nodes()
+        .filter(|(_, n)| n.is_end)
+        .map(|(id, _)| id)
+        .collect();
+    let refused = Planner::new(Arc::new(graph), &automaton(), avoiding(&ends), options());
+    assert!(matches!(
+        refused,
+        Err(PlannerError::FinalStatesAvoided { .. })
+    ));
+}
+
+#[test]
+fn what_is_passed_is_a_subgoal_between_the_others() {
+    let mut graph = merged();
+    let [a, b] = tasks();
+    let window = Subgoal {
+        task: "b".to_owned(),
+        name: "window".to_owned(),
+    };
+    let region = Region::of("b").demonstration("b1").steps(2..=4);
+    let states = states_in(&graph, &region, &b.subgoals).expect("they are there");
+    let beside = mark_subgoal(&mut graph, &window, 0, &states);
+    // Before their first subgoal at 8 the two others have eight states each.
+    assert_eq!(beside.len(), 16);
+    let mut passing = b;
+    passing.subgoals.insert(0, window);
+    let automaton = Automaton::in_order(&[a, passing]);
+    let graph = Arc::new(graph);
+    let terms = Terms {
+        unplaced: beside.clone(),
+        ..Terms::default()
+    };
+    let planner = Planner::new(graph.clone(), &automaton, terms, options());
+    let planner = planner.expect("both tasks are there");
+    let plan = planner.plan_from_start().expect("a way leads through b1");
+    assert!(
+        plan.route.contains(&node_at(&graph, "b1", 2)),
+        "{:?}",
+        plan.route
+    );
+    assert!(planner.audit(&plan).is_clean());
+    assert!(plan.route.iter().all(|node| !beside.contains(node)));
+    // A robot that passes is seen to, though others saw the same without.
+    let mut filter = planner.stage_filter(FilterOptions::default());
+    let mut stages = Vec::new();
+    for x in 0..46 {
+        let position = x.min(39) as f32;
+        stages.push(filter.update(&seen_from(&graph, position)).stage);
+    }
+    assert!(stages.is_sorted(), "{stages:?}");
+    assert_eq!(
+        (stages[21], stages[26], stages[45]),
+        (2, 3, 5),
+        "{stages:?}"
+    );
+}
+
+#[test]
+fn a_robot_that_may_start_anywhere_is_taken_to_be_where_it_sees_that_it_is() {
+    let planner = corridor_planner(starting(Start::Anywhere));
+    let mut filter = planner.stage_filter(FilterOptions::default());
+    let mut seen = filter.update(&seen_from(planner.graph(), 12.0));
+    for x in [13.0, 14.0, 15.0, 16.0] {
+        seen = filter.update(&seen_from(planner.graph(), x));
+    }
+    assert_eq!((seen.stage, seen.change), (1, None));
+    let plan = planner.plan_from_start().expect("the corridor is open");
+    assert_eq!(plan.stages[0], 0);
+    let beginning = corridor_planner(Terms::default());
+    assert!(plan.cost < beginning.plan_from_start().expect("the same").cost);
+}
+
+#[test]
+fn a_robot_that_goes_on_from_a_stage_is_there_and_nowhere_before() {
+    let planner = corridor_planner(starting(Start::Stage(2)));
+    let plan = planner.plan_from_start().expect("the corridor is open");
+    assert_eq!(plan.stages[0], 2);
+    let first = planner.graph().node(plan.route[0]);
+    assert_eq!((first.task.as_str(), first.step), ("a", 19));
+    assert!(planner.audit(&plan).is_clean());
+    let mut filter = planner.stage_filter(FilterOptions::default());
+    assert_eq!(filter.stage(), 2);
+    let seen = filter.update(&seen_from(planner.graph(), 23.0));
+    assert_eq!((seen.stage, seen.change), (2, None));
+    assert_eq!(planner.graph().node(seen.node).task, "b");
+    let refused = Planner::new(
+        planner.graph().clone(),
+        &automaton(),
+        starting(Start::Stage(5)),
+        options(),
+    );
+    assert!(matches!(
+        refused,
+        Err(PlannerError::UnknownStage {
+            stage: 5,
+            subgoals: 4
+        })
+    ));
+}
+
+#[test]
+fn a_plan_after_another_task_begins_at_its_end() {
+    let [_, b] = tasks();
+    let second = Automaton::in_order(&[b]);
+    let graph = Arc::new(merged());
+    let after = |task: &str| {
+        let terms = starting(Start::After(task.to_owned()));
+        Planner::new(graph.clone(), &second, terms, options())
+    };
+    let planner = after("a").expect("both tasks are there");
+    let plan = planner.plan_from_start().expect("a seam leads over");
+    let [first, next] = [0, 1].map(|i| graph.node(plan.route[i]));
+    assert!(
+        first.is_end && first.task == "a" && next.task == "b",
+        "{first:?} {next:?}"
+    );
+    assert!(planner.audit(&plan).is_clean());
+    let alone = Planner::new(graph.clone(), &second, &FinalChoice::Cheapest, options());
+    let alone = alone
+        .expect("b is there")
+        .plan_from_start()
+        .expect("b is whole");
+    assert!(plan.steps > alone.steps - 5 && plan.cost > alone.cost - 5.0);
+    // The robot is believed where edges lead from the end of the other task.
+    let mut filter = planner.stage_filter(FilterOptions::default());
+    let seen = filter.update(&seen_from(&graph, 22.0));
+    assert_eq!(graph.node(seen.node).task, "b");
+    assert!(matches!(after("c"), Err(PlannerError::UnknownStart { .. })));
+}
+
+#[test]
+fn at_any_end_a_robot_has_arrived_where_all_ends_will_do() {
+    let arrived = |end: FinalChoice| {
+        let planner = corridor_planner(Terms {
+            end,
+            ..Terms::default()
+        });
+        let mut localisation = somewhere(4, 5);
+        // Believed two steps before the end of its demonstration, it stands where another one ends.
+        localisation.node = node_at(planner.graph(), "b0", 17);
+        localisation.occurrence = 1;
+        let distances = seen_from(planner.graph(), 39.2);
+        planner
+            .next_goal(&localisation, &distances)
+            .expect("a way leads on")
+            .has_arrived
+    };
+    assert!(arrived(FinalChoice::All));
+    assert!(!arrived(FinalChoice::Demonstration("b0".to_owned())));
+}

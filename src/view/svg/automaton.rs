@@ -1,0 +1,293 @@
+//! An automaton as a picture: the orders that are allowed above, the stages of the one that is planned below.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::canvas::{Canvas, Type, counted, text_width};
+use super::orders::{self, LEFT, Shape};
+use crate::planner::{Explanation, PlanPart};
+use crate::task::OrderAutomaton;
+use crate::view::palette::{self, GREY, INK, Rgb, STAR};
+use crate::view::{ViewError, file};
+
+const LEAST_WIDTH: f32 = 900.0;
+/// Between two stages.
+const STAGE: f32 = 190.0;
+const STAGES_A_LINE: usize = 6;
+const LINE: f32 = 150.0;
+/// Orders with more transitions are not drawn: nobody could follow them.
+const MOST_TRANSITIONS: usize = 80;
+
+/// A picture of a composition's automaton as SVG text: which orders of tasks are allowed, the chosen one in
+/// bold, and below its stages, each with the part of the plan that ends it.
+///
+/// Orders of more than 80 transitions are not drawn, only counted.
+#[must_use]
+pub fn automaton_svg(orders: &OrderAutomaton, explanation: &Explanation, title: &str) -> String {
+    let tasks = task_colours(orders, explanation);
+    let shape = Shape::new(orders);
+    let is_drawn = orders.transitions().len() <= MOST_TRANSITIONS;
+    let columns = explanation.parts.len().clamp(1, STAGES_A_LINE) as f32;
+    let mut width = LEAST_WIDTH.max(2.0 * LEFT + columns * STAGE);
+    let mut top = 130.0;
+    if is_drawn {
+        width = width.max(2.0 * LEFT + shape.layers as f32 * orders::LAYER);
+        top += shape.rows.max(1.0) * orders::ROW + 30.0;
+    }
+    let lines = explanation.parts.len().div_ceil(STAGES_A_LINE).max(1) as f32;
+    let mut canvas = Canvas::new(width, top + 70.0 + (lines - 1.0) * LINE + 70.0);
+    head(&mut canvas, orders, explanation, title, is_drawn);
+    if is_drawn {
+        let chosen = explanation.orders.listed.iter().find(|o| o.is_chosen);
+        let way = chosen
+            .and_then(|o| orders.way(&o.tasks))
+            .unwrap_or_default();
+        shape.paint(&mut canvas, orders, &way, &tasks);
+    }
+    stages(&mut canvas, explanation, &tasks, top);
+    canvas.finish()
+}
+
+/// Writes [`automaton_svg`] to a file, which is there as a whole or not at all.
+///
+/// # Errors
+/// [`ViewError::FileUnwritable`] when the folder or the file cannot be written.
+pub fn write_automaton_svg(
+    path: &Path,
+    orders: &OrderAutomaton,
+    explanation: &Explanation,
+    title: &str,
+) -> Result<(), ViewError> {
+    file::write(path, automaton_svg(orders, explanation, title).as_bytes())
+}
+
+/// A colour for each task; those of the plan first, as in the picture of the graph.
+fn task_colours<'a>(
+    orders: &'a OrderAutomaton,
+    explanation: &'a Explanation,
+) -> BTreeMap<&'a str, Rgb> {
+    let planned = explanation.stages.iter().map(|s| s.task.as_str());
+    let all = orders
+        .transitions()
+        .iter()
+        .filter_map(|t| t.task.as_deref());
+    let mut colours = BTreeMap::new();
+    for task in planned.chain(all) {
+        let next = palette::task(colours.len());
+        colours.entry(task).or_insert(next);
+    }
+    colours
+}
+
+fn head(
+    canvas: &mut Canvas,
+    orders: &OrderAutomaton,
+    explanation: &Explanation,
+    title: &str,
+    is_drawn: bool,
+) {
+    let set = |size: f32, weight: u32, colour: Rgb| Type {
+        size,
+        weight,
+        colour,
+        anchor: "start",
+    };
+    canvas.text(LEFT - 28.0, 42.0, set(24.0, 700, INK), title);
+    let ways = usize::try_from(orders.way_count()).unwrap_or(usize::MAX);
+    let steps: u32 = explanation.parts.iter().map(|p| p.steps).sum();
+    let cost: f64 = explanation.parts.iter().map(|p| p.cost).sum();
+    let line = format!(
+        "{}   \u{b7}   {}   \u{b7}   plan: {}, cost {cost:.1}, holds with probability {:.3}",
+        counted(ways, "order"),
+        counted(explanation.stages.len(), "subgoal"),
+        counted(steps as usize, "step"),
+        explanation.odds.probability
+    );
+    canvas.text(LEFT - 28.0, 66.0, set(14.0, 400, GREY), &line);
+    let note = if is_drawn {
+        "the orders that are allowed, the planned one in bold"
+    } else {
+        "too many orders to be drawn"
+    };
+    canvas.text(LEFT - 28.0, 98.0, set(13.0, 600, INK), note);
+}
+
+/// The stages of the plan in lines, each with the part of the plan that leads out of it.
+fn stages(canvas: &mut Canvas, explanation: &Explanation, tasks: &BTreeMap<&str, Rgb>, top: f32) {
+    let set = Type {
+        size: 13.0,
+        weight: 600,
+        colour: INK,
+        anchor: "start",
+    };
+    canvas.text(
+        LEFT - 28.0,
+        top,
+        set,
+        "the stages of the plan, and what leads to each subgoal",
+    );
+    let to_subgoals = explanation
+        .parts
+        .iter()
+        .filter(|p| p.subgoal.is_some())
+        .count();
+    let first = explanation.stages.len() - to_subgoals;
+    for (i, part) in explanation.parts.iter().enumerate() {
+        let line = top + 70.0 + (i / STAGES_A_LINE) as f32 * LINE;
+        let x = LEFT + (i % STAGES_A_LINE) as f32 * STAGE;
+        let colour = tasks.get(part.task.as_str()).copied().unwrap_or(INK);
+        canvas.push(format_args!(
+            "<path d=\"M{x:.1} {line:.1}h{STAGE:.1}\" stroke=\"{}\" stroke-width=\"4\"/>",
+            colour.hex()
+        ));
+        caption(canvas, part, [x + STAGE / 2.0, line], colour);
+        stage_circle(canvas, [x, line], first + i);
+        let is_last = i + 1 == explanation.parts.len();
+        let end = [x + STAGE, line];
+        if is_last {
+            canvas.star(end, 13.0, STAR);
+        } else if (i + 1) % STAGES_A_LINE == 0 {
+            stage_circle(canvas, end, first + i + 1);
+        }
+    }
+}
+
+fn stage_circle(canvas: &mut Canvas, at: [f32; 2], stage: usize) {
+    canvas.circle(at, 13.0, INK);
+    let set = Type {
+        size: 12.0,
+        weight: 700,
+        colour: INK,
+        anchor: "middle",
+    };
+    canvas.text(at[0], at[1] + 4.3, set, &stage.to_string());
+}
+
+/// The subgoal above a part of the plan, its steps, cost and probability below.
+fn caption(canvas: &mut Canvas, part: &PlanPart, [x, y]: [f32; 2], colour: Rgb) {
+    let name = part.subgoal.as_deref().unwrap_or("final state");
+    let fit = (STAGE - 34.0) / text_width(name, 1.0).max(1.0);
+    let set = Type {
+        size: fit.clamp(8.0, 13.5),
+        weight: 700,
+        colour: colour.mixed(INK, 0.25),
+        anchor: "middle",
+    };
+    canvas.text(x, y - 24.0, set, name);
+    let small = Type {
+        size: 11.5,
+        anchor: "middle",
+        ..Type::default()
+    };
+    canvas.text(x, y - 10.0, small, &part.task);
+    let numbers = format!(
+        "{}, cost {:.1}",
+        counted(part.steps as usize, "step"),
+        part.cost
+    );
+    canvas.text(x, y + 19.0, small, &numbers);
+    let predicted = match part.predicted_edges {
+        0 => "demonstrated edges only".to_owned(),
+        edges => format!(
+            "{}, P {:.3}",
+            counted(edges, "predicted edge"),
+            part.probability
+        ),
+    };
+    canvas.text(x, y + 34.0, small, &predicted);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::planner::{OrderExplained, OrdersExplained, PlanOdds, StageExplained};
+    use crate::task::Order;
+
+    fn task(name: &str) -> Order {
+        Order::Task(name.to_owned())
+    }
+
+    /// A plan that does these tasks, a subgoal and a step each.
+    fn explained(tasks: &[&str]) -> Explanation {
+        let stage = |(stage, task): (usize, &&str)| StageExplained {
+            stage,
+            occurrence: stage,
+            task: (*task).to_owned(),
+            subgoal: format!("{task}_done"),
+            demonstrations: 1,
+        };
+        let part = |task: &&str| PlanPart {
+            task: (*task).to_owned(),
+            subgoal: Some(format!("{task}_done")),
+            from: String::new(),
+            to: String::new(),
+            steps: 1,
+            cost: 1.0,
+            probability: 0.5,
+            predicted_edges: 1,
+        };
+        Explanation {
+            stages: tasks.iter().enumerate().map(stage).collect(),
+            orders: OrdersExplained {
+                way_count: 2,
+                planned: 1,
+                connected: 1,
+                listed: vec![OrderExplained {
+                    tasks: tasks.iter().map(|t| (*t).to_owned()).collect(),
+                    cost: Some(1.0),
+                    steps: Some(1),
+                    is_chosen: true,
+                }],
+            },
+            parts: tasks.iter().map(part).collect(),
+            odds: PlanOdds {
+                probability: 0.25,
+                predicted_edges: Vec::new(),
+                assumption: String::new(),
+            },
+            ends: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_planned_order_is_bold_and_its_stages_are_named() {
+        let order = Order::AnyOrder(vec![task("sock"), task("trash")]);
+        let orders = OrderAutomaton::new(&order).expect("it is small");
+        let drawn = automaton_svg(&orders, &explained(&["trash", "sock"]), "both");
+        let bold = drawn.matches("stroke-width=\"4\"").count();
+        // Two arrows among the orders, two parts of the plan.
+        assert_eq!(
+            (bold, drawn.matches("stroke-width=\"1.6\"").count()),
+            (4, 2)
+        );
+        for text in [
+            "trash_done",
+            "sock_done",
+            "2 orders",
+            "holds with probability 0.250",
+        ] {
+            assert!(drawn.contains(text), "{text} is missing");
+        }
+        assert_eq!(drawn.matches("<polygon").count(), 1, "one star at the end");
+    }
+
+    #[test]
+    fn optional_parts_may_be_left_out() {
+        let order = Order::InOrder(vec![Order::Optional(Box::new(task("a"))), task("b")]);
+        let orders = OrderAutomaton::new(&order).expect("it is small");
+        let drawn = automaton_svg(&orders, &explained(&["a", "b"]), "a and b");
+        assert!(drawn.contains("left out") && drawn.contains("stroke-dasharray"));
+    }
+
+    #[test]
+    fn too_many_orders_are_counted_only() {
+        let many = (0..6).map(|i| task(&i.to_string())).collect();
+        let orders = OrderAutomaton::new(&Order::AnyOrder(many)).expect("it is not too large");
+        let tasks: Vec<String> = (0..6).map(|i| i.to_string()).collect();
+        let names: Vec<&str> = tasks.iter().map(String::as_str).collect();
+        let drawn = automaton_svg(&orders, &explained(&names), "many");
+        assert!(drawn.contains("too many orders to be drawn") && drawn.contains("720 orders"));
+        let bold = drawn.matches("stroke-width=\"4\"").count();
+        assert_eq!(bold, 6, "the stages of the plan are drawn all the same");
+    }
+}
