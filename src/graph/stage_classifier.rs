@@ -75,10 +75,9 @@ impl StageClassifier {
         let class_of_node: Vec<u32> = graph
             .nodes()
             .map(|(_, node)| {
-                let found = classes.binary_search_by(|(task, progress)| {
-                    (task.as_str(), *progress).cmp(&(node.task.as_str(), node.progress))
-                });
-                found.expect("it was gathered from the same nodes") as u32
+                classes.partition_point(|(task, progress)| {
+                    (task.as_str(), *progress) < (node.task.as_str(), node.progress)
+                }) as u32
             })
             .collect();
         let dim = graph.latents().dim();
@@ -138,8 +137,8 @@ impl StageClassifier {
             .map_err(|e| e.to_string())?;
         let fitted = params.fit(&Dataset::new(records, targets));
         let fitted = fitted.map_err(|e| e.to_string())?;
-        self.weights = fitted.params().clone();
-        self.intercept = fitted.intercept().clone();
+        self.weights.clone_from(fitted.params());
+        self.intercept.clone_from(fitted.intercept());
         Ok(())
     }
 
