@@ -46,6 +46,10 @@ pub struct SubgoalTally {
     pub skipped: usize,
     /// Episodes in which it was not reached, nor anything later.
     pub missed: usize,
+    /// Episodes in which it and all earlier ones were reached in order. Of two that follow each other the
+    /// second divided by the first is how probable it is from where the robot really was.
+    #[serde(default)]
+    pub in_order: usize,
 }
 
 /// A success rate with what is needed to judge it.
@@ -161,6 +165,14 @@ fn tally(subgoals: &[String], results: &[EpisodeResult]) -> Vec<SubgoalTally> {
             reached: count(i, SubgoalOutcome::Reached),
             skipped: count(i, SubgoalOutcome::Skipped),
             missed: count(i, SubgoalOutcome::Missed),
+            in_order: results
+                .iter()
+                .filter(|r| {
+                    r.outcomes[..=i]
+                        .iter()
+                        .all(|o| *o == SubgoalOutcome::Reached)
+                })
+                .count(),
         })
         .collect()
 }
@@ -186,14 +198,14 @@ impl fmt::Display for Evaluation {
         )?;
         writeln!(
             f,
-            "  {:<16} {:>8} {:>8} {:>8}",
-            "subgoal", "reached", "skipped", "missed"
+            "  {:<16} {:>8} {:>8} {:>8} {:>10}",
+            "subgoal", "reached", "skipped", "missed", "all so far"
         )?;
         for s in &self.subgoals {
             writeln!(
                 f,
-                "  {:<16} {:>8} {:>8} {:>8}",
-                s.name, s.reached, s.skipped, s.missed
+                "  {:<16} {:>8} {:>8} {:>8} {:>10}",
+                s.name, s.reached, s.skipped, s.missed, s.in_order
             )?;
         }
         writeln!(f, "  {}", self.detection)?;
@@ -245,6 +257,7 @@ mod tests {
         assert_eq!(e.steps_median, Some(10));
         assert_eq!((e.subgoals[0].reached, e.subgoals[0].skipped), (2, 1));
         assert_eq!((e.subgoals[1].reached, e.subgoals[1].missed), (2, 1));
+        assert_eq!((e.subgoals[0].in_order, e.subgoals[1].in_order), (2, 1));
         assert!((e.step_median_ms - 2.0).abs() < 1e-12);
         assert!((e.step_p99_ms - 100.0).abs() < 1e-12);
         assert!((e.lost_share - 3.0 / 33.0).abs() < 1e-12);

@@ -37,6 +37,9 @@ pub struct RolloutOptions {
     /// Least probability (0..=1) of an action that takes the place of one that had no effect. Where
     /// nothing else is so probable, the robot undoes what had no effect, and tries from there.
     pub least_substitute: f32,
+    /// Steps without effect, since the cost-to-go last fell, after which the robot undoes the way that led
+    /// there and tries again.
+    pub blocked_steps: usize,
     /// Steps for which the last stage must last until a run that never gets to a final state ends.
     pub settle_steps: usize,
 }
@@ -56,6 +59,7 @@ impl Default for RolloutOptions {
             penalty_keep: 0.97,
             still_levels: 4.0,
             least_substitute: 0.25,
+            blocked_steps: 10,
             settle_steps: 12,
         }
     }

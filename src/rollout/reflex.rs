@@ -20,8 +20,18 @@ pub(super) struct Reflex {
     by_base: Vec<Option<usize>>,
     /// The classes that close and open the gripper.
     gripper: Vec<usize>,
+    /// What had an effect, in order, what was undone taken off.
+    done: Vec<usize>,
+    /// Steps without effect since the robot last came nearer to its goal.
+    blocked_steps: usize,
+    /// Steps of a retreat that are left.
+    retreat_steps: usize,
+    /// Whether the last action was one of a retreat.
+    is_retreating: bool,
 }
 
+/// How far a robot retreats, in actions that had an effect.
+const RETREAT_STEPS: usize = 12;
 /// Steps for which it is remembered that a class had no effect.
 const MEMORY_STEPS: u32 = 8;
 
@@ -50,9 +60,44 @@ impl Reflex {
         if largest_change(before, after) < still_levels {
             self.ruled_out.push(tried.to_vec());
             self.recent.extend(tried.first().map(|class| (*class, 0)));
+            self.blocked_steps += 1;
+            self.retreat_steps = 0;
         } else {
             self.ruled_out.clear();
+            if let ([class], false) = (tried, self.is_retreating) {
+                self.done.push(*class);
+            }
         }
+        self.is_retreating = false;
+    }
+
+    /// The robot came nearer to its goal.
+    pub(super) fn note_progress(&mut self) {
+        self.blocked_steps = 0;
+    }
+
+    /// The next step of a retreat: where so many steps had no effect that the robot has driven itself into
+    /// a corner, such as beside what it wanted to grasp with its arm at the limit, it undoes the way that
+    /// led there and tries again. What the gripper did stays.
+    pub(super) fn retreat(&mut self, patience_steps: usize) -> Option<Vec<usize>> {
+        if self.blocked_steps >= patience_steps {
+            self.blocked_steps = 0;
+            self.retreat_steps = RETREAT_STEPS;
+        }
+        while self.retreat_steps > 0 {
+            let Some(last) = self.done.pop() else {
+                self.retreat_steps = 0;
+                break;
+            };
+            let undo = self.opposites.get(last).copied().flatten();
+            let Some(undo) = undo.filter(|_| !self.gripper.contains(&last)) else {
+                continue;
+            };
+            self.retreat_steps -= 1;
+            self.is_retreating = true;
+            return Some(vec![undo]);
+        }
+        None
     }
 
     /// The most probable classes that are not ruled out; the most probable ones if nothing is left.
@@ -221,6 +266,35 @@ mod tests {
         assert_eq!(reflex.choose(&policy(0.2), 0.25), [2]);
         reflex.note(&[2], &grey(10), &grey(10), 2.0);
         assert_eq!(reflex.choose(&policy(0.2), 0.25), [1], "up is blocked too");
+    }
+
+    #[test]
+    fn a_robot_in_a_corner_undoes_the_way_that_led_there() {
+        let names = ["hand_left", "hand_right", "gripper_close", "gripper_open"];
+        let mut reflex = Reflex::new(&ActionSpace::Primitives {
+            names: names.map(str::to_owned).to_vec(),
+        });
+        let mut level = 0;
+        let mut moves = |reflex: &mut Reflex, class: usize, has_effect: bool| {
+            let before = grey(level);
+            level = level.wrapping_add(if has_effect { 50 } else { 0 });
+            reflex.note(&[class], &before, &grey(level), 2.0);
+        };
+        for class in [0, 0, 2, 1] {
+            moves(&mut reflex, class, true);
+        }
+        for _ in 0..3 {
+            assert_eq!(reflex.retreat(3), None);
+            moves(&mut reflex, 1, false);
+        }
+        let mut undone = Vec::new();
+        while let Some(classes) = reflex.retreat(3) {
+            moves(&mut reflex, classes[0], true);
+            undone.extend(classes);
+        }
+        assert_eq!(undone, [0, 1, 1], "the last first, and the gripper stays");
+        reflex.note_progress();
+        assert_eq!(reflex.retreat(3), None);
     }
 
     #[test]

@@ -192,6 +192,10 @@ impl<'a> Rollout<'a> {
             run.least_cost = goal.cost;
             run.progress_step = run.step;
         }
+        if goal.cost < run.nearest_cost - 0.5 {
+            run.nearest_cost = goal.cost;
+            run.reflex.note_progress();
+        }
         let waited = run.step - run.progress_step;
         if waited >= self.options.patience_steps {
             run.pending.push(Event::NoProgress {
@@ -228,6 +232,9 @@ impl<'a> Rollout<'a> {
             parts.push((part, weight as f32));
         }
         let distribution = ActionDistribution::mixture(&parts);
+        if let Some(classes) = run.reflex.retreat(self.options.blocked_steps) {
+            return Ok((distribution, classes));
+        }
         let is_stuck = run.step - run.progress_step >= self.options.doubt_steps;
         let classes = if is_stuck {
             run.reflex.draw(&distribution, &mut run.rng)

@@ -17,6 +17,8 @@ pub(super) struct Run {
     pub(super) stage_step: usize,
     pub(super) lost_steps: usize,
     pub(super) least_cost: f64,
+    /// The least cost-to-go of this stage, whatever was made dearer.
+    pub(super) nearest_cost: f64,
     pub(super) progress_step: usize,
     pub(super) reflex: Reflex,
     pub(super) rng: ChaCha8Rng,
@@ -34,6 +36,7 @@ impl Run {
             stage_step: 0,
             lost_steps: 0,
             least_cost: f64::INFINITY,
+            nearest_cost: f64::INFINITY,
             progress_step: 0,
             reflex: Reflex::new(space),
             rng: ChaCha8Rng::seed_from_u64(seed),
@@ -47,6 +50,7 @@ impl Run {
     pub(super) fn enter(&mut self) {
         self.stage_step = self.step;
         self.least_cost = f64::INFINITY;
+        self.nearest_cost = f64::INFINITY;
         self.progress_step = self.step;
     }
 
