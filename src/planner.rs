@@ -49,6 +49,7 @@ mod plain;
 mod plan;
 mod roads;
 mod source;
+mod stage_sense;
 mod stages;
 mod suspects;
 mod terms;

@@ -1,9 +1,9 @@
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use super::belief::Belief;
 use super::groups::Groups;
 use super::motion::Motion;
+use super::stage_sense::StageSense;
 use super::stages::{StageView, Stages};
 use super::{FilterOptions, Layout, LiveDistances, PlaceId, StageChange};
 use crate::graph::{NodeId, StageClassifier, StageEvidence};
@@ -52,11 +52,7 @@ pub struct StageFilter {
     spare: Belief,
     stages: Stages,
     unfit_steps: u32,
-    classifier: Option<Arc<StageClassifier>>,
-    /// For each stage, the classes of the classifier that its places have.
-    classes_of_stage: Vec<Vec<usize>>,
-    /// The same of places that are not at the start of a later task.
-    reached_classes: Vec<Vec<usize>>,
+    sense: Option<StageSense>,
     outset: Outset,
     /// Steps left in which the stage of a robot that may start anywhere is told by what is seen.
     placing_steps: u32,
@@ -112,9 +108,7 @@ impl StageFilter {
             belief,
             stages,
             unfit_steps: 0,
-            classifier: None,
-            classes_of_stage: Vec::new(),
-            reached_classes: Vec::new(),
+            sense: None,
             outset,
             placing_steps: 0,
         };
@@ -126,20 +120,7 @@ impl StageFilter {
     /// [`look`](Self::look) is given one.
     #[must_use]
     pub fn with_classifier(mut self, classifier: Arc<StageClassifier>) -> Self {
-        let mut all = vec![BTreeSet::new(); self.layout.stage_count()];
-        let mut reached = all.clone();
-        for (id, place) in (0..).map(PlaceId).zip(self.layout.places()) {
-            let class = classifier.class_of(place.node);
-            all[place.stage].insert(class);
-            if !self.layout.is_at_start(id) {
-                reached[place.stage].insert(class);
-            }
-        }
-        let lists = |sets: Vec<BTreeSet<usize>>| -> Vec<Vec<usize>> {
-            sets.into_iter().map(|s| s.into_iter().collect()).collect()
-        };
-        (self.classes_of_stage, self.reached_classes) = (lists(all), lists(reached));
-        self.classifier = Some(classifier);
+        self.sense = Some(StageSense::new(classifier, &self.layout));
         self
     }
 
@@ -280,7 +261,7 @@ impl StageFilter {
     /// # Panics
     /// If the latent is not of the length of the graph's.
     pub fn look(&mut self, distances: &LiveDistances, latent: &[f32]) -> Localisation {
-        let evidence = self.classifier.as_ref().map(|c| c.look(latent));
+        let evidence = self.sense.as_ref().map(|s| s.look(latent));
         self.update_with(distances, evidence.as_ref())
     }
 
@@ -359,18 +340,13 @@ impl StageFilter {
         let lowest = self.lowest_stage();
         let (layout, groups, options) = (&self.layout, &self.groups, &self.options);
         let unknown = likelihood(options, None, None);
-        let classified = evidence.zip(self.classifier.as_deref());
-        let of_class = |evidence: &StageEvidence, class: usize| {
-            (options.classifier_floor + evidence.support(class)).powf(options.classifier_weight)
-        };
+        let sensed = evidence.zip(self.sense.as_ref());
         let stages: Vec<f64> = (0..layout.stage_count())
-            .map(|stage| match (stage >= lowest, classified) {
-                (false, _) => 0.0,
-                (true, None) => unknown,
-                (true, Some((evidence, _))) => {
-                    let classes = &self.classes_of_stage[stage];
-                    let sum: f64 = classes.iter().map(|c| of_class(evidence, *c)).sum();
-                    unknown * sum / classes.len().max(1) as f64
+            .map(|stage| match sensed {
+                _ if stage < lowest => 0.0,
+                None => unknown,
+                Some((evidence, sense)) => {
+                    unknown * sense.weight_of_stage(options, evidence, stage)
                 }
             })
             .collect();
@@ -384,8 +360,8 @@ impl StageFilter {
                     (None, None) => unknown,
                     (to, from) => likelihood(options, to, from),
                 };
-                let stage = classified.map_or(1.0, |(evidence, classifier)| {
-                    of_class(evidence, classifier.class_of(place.node))
+                let stage = sensed.map_or(1.0, |(evidence, sense)| {
+                    sense.weight_of_place(options, evidence, place)
                 });
                 near * stage
             },
@@ -438,14 +414,11 @@ impl StageFilter {
     /// What speaks for each stage to be reached: what the classifier sees, else what is believed; less where
     /// the robot is unlike what it is believed to be.
     fn support(&self, evidence: Option<&StageEvidence>, reached: &[f64], fit: f64) -> Vec<f64> {
-        let stages = 0..self.layout.stage_count();
-        let of_stage = |stage: usize| match evidence {
-            None => reached[stage],
-            Some(evidence) => {
-                let classes = self.reached_classes[stage].iter();
-                classes.map(|class| evidence.support(*class)).sum()
-            }
+        let sensed = evidence.zip(self.sense.as_ref());
+        let of_stage = |(stage, reached): (usize, &f64)| {
+            sensed.map_or(*reached, |(evidence, sense)| sense.support(evidence, stage))
         };
+        let stages = reached.iter().enumerate();
         stages.map(|stage| fit * of_stage(stage)).collect()
     }
 

@@ -34,7 +34,7 @@ pub enum StageChange {
 const SEEN: f64 = 0.3;
 /// What speaks for a shortcut counts beyond this ...
 const DOUBT: f64 = 0.5;
-/// ... and together must come to so much: two steps of certainty, or more that are less certain.
+/// ... and together must come to so much: two steps that are plain, or more that are less so.
 const CONVINCED: f64 = 0.5;
 
 /// What a step says of the stages, one value each.
@@ -164,4 +164,45 @@ fn most_probable(values: &[f64]) -> usize {
         }
     }
     best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A step of a robot that is believed at stage 0 while so much speaks for stage 3.
+    fn step(stages: &mut Stages, support: f64) -> Option<StageChange> {
+        let believed = [1.0, 0.0, 0.0, 0.0];
+        let view = StageView {
+            probabilities: &believed,
+            reached: &believed,
+            support: &[0.0, 0.0, 0.0, support],
+        };
+        stages.vote(&FilterOptions::default(), &view)
+    }
+
+    #[test]
+    fn a_shortcut_takes_as_long_as_it_is_doubtful_and_is_said_once() {
+        let steps = |support: f64| {
+            let mut stages = Stages::new(4);
+            (1..=50).find(|_| step(&mut stages, support).is_some())
+        };
+        assert_eq!(steps(0.9), Some(2));
+        assert_eq!(steps(0.6), Some(5));
+        assert_eq!(steps(0.5), None);
+        let mut stages = Stages::new(4);
+        let said: Vec<StageChange> = (0..20).filter_map(|_| step(&mut stages, 0.9)).collect();
+        let skipped = vec![0, 1];
+        assert_eq!(said, [StageChange::Shortcut { to: 3, skipped }]);
+        assert_eq!(stages.now, 0);
+    }
+
+    #[test]
+    fn what_flickers_is_no_shortcut() {
+        let mut stages = Stages::new(4);
+        for i in 0..50 {
+            let support = if i % 2 == 0 { 0.9 } else { 0.0 };
+            assert_eq!(step(&mut stages, support), None);
+        }
+    }
 }
