@@ -188,7 +188,7 @@ mod tests {
             (1..=50).find(|_| step(&mut stages, support).is_some())
         };
         assert_eq!(steps(0.9), Some(2));
-        assert_eq!(steps(0.6), Some(5));
+        assert_eq!(steps(0.625), Some(4));
         assert_eq!(steps(0.5), None);
         let mut stages = Stages::new(4);
         let said: Vec<StageChange> = (0..20).filter_map(|_| step(&mut stages, 0.9)).collect();
