@@ -45,6 +45,7 @@ mod motion;
 mod no_path;
 mod options;
 mod order;
+mod outset;
 mod plain;
 mod plan;
 mod roads;

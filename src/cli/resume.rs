@@ -1,7 +1,7 @@
 //! `catena run --resume`: where an earlier run is gone on from.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::Serialize;
 
@@ -10,7 +10,6 @@ use super::error::CliError;
 use super::graph::results_folder;
 use super::loaded::Loaded;
 use crate::experiment::{ExperimentError, ResumedBedroom, ScoredBedroom};
-use crate::planner::Start;
 use crate::simulator::Bedroom;
 use crate::storage::read_trajectory;
 use crate::task::Automaton;
@@ -61,11 +60,6 @@ pub(super) fn stage_named(name: &str, automaton: &Automaton) -> Result<usize, Cl
     })
 }
 
-/// Makes the composition start at the stage that is asked for.
-pub(super) fn start_at(loaded: &mut Loaded, stage: usize) {
-    loaded.composition.start = Start::Stage(stage);
-}
-
 /// The folder of the results of a run that is gone on with.
 pub(super) fn folder(name: &str, stage: usize) -> PathBuf {
     results_folder(name).join(format!("from_stage_{stage}"))
@@ -93,7 +87,7 @@ pub(super) fn room(
         .get("seed")
         .and_then(|s| s.parse().ok());
     let seed = seed.ok_or_else(|| ExperimentError::SeedMissing {
-        recording: named(&path),
+        recording: path.display().to_string(),
     })?;
     let bedroom = Bedroom::new(loaded.bedroom()?);
     let room = ScoredBedroom::new(bedroom, &composition.demonstrated_automaton());
@@ -105,10 +99,6 @@ pub(super) fn room(
         replayed_steps: room.replayed_steps(),
     };
     Ok((room, report))
-}
-
-fn named(path: &Path) -> String {
-    path.display().to_string()
 }
 
 #[cfg(test)]

@@ -17,6 +17,7 @@ use super::resume::{self, RECORDING, ResumeReport, stage_named};
 use crate::environment::Environment;
 use crate::experiment::{EpisodeResult, ResumedBedroom, ScoredBedroom, SubgoalOutcome};
 use crate::graph::NodeId;
+use crate::planner::Start;
 use crate::rollout::{Event, Rollout, RolloutObserver, StepRecord};
 use crate::simulator::{Bedroom, PRIMITIVE_SECS};
 use crate::storage::{EpisodeWriter, RecordingMetadata, write_file};
@@ -57,7 +58,7 @@ pub(super) fn run(run_arguments: &RunArguments, arguments: &Arguments) -> Result
     let stage = resumed.map(|name| stage_named(name, &loaded.composition.automaton));
     let stage = stage.transpose()?;
     if let Some(stage) = stage {
-        resume::start_at(&mut loaded, stage);
+        loaded.composition.start = Start::Stage(stage);
     }
     let loaded = loaded;
     let planned = plan(&loaded)?;

@@ -90,18 +90,24 @@ impl StageClassifier {
             class_of_node,
             known: Vec::new(),
         };
-        if classifier.classes.len() > 1 {
-            classifier.learn(graph)?;
+        let mut members = vec![Vec::new(); classifier.classes.len()];
+        for (node, class) in classifier.class_of_node.iter().enumerate() {
+            members[*class as usize].push(node);
         }
-        classifier.known = (0..classifier.classes.len())
-            .into_par_iter()
-            .map(|class| classifier.known_states(graph, class))
+        if members.len() > 1 {
+            classifier.learn(graph, &members)?;
+        }
+        classifier.known = members
+            .par_iter()
+            .map(|of_class| classifier.known_states(graph, of_class))
             .collect();
         Ok(classifier)
     }
 
-    fn learn(&mut self, graph: &TopologicalGraph) -> Result<(), String> {
-        let rows = self.even_choice();
+    /// Learns from as many states of each class.
+    fn learn(&mut self, graph: &TopologicalGraph, members: &[Vec<usize>]) -> Result<(), String> {
+        let chosen = members.iter().flat_map(|m| evenly(m, STATES_A_CLASS));
+        let rows: Vec<usize> = chosen.collect();
         let latents = graph.latents();
         let dim = latents.dim();
         let values = |row: usize| latents.row(row).iter().map(|value| f64::from(*value));
@@ -142,28 +148,10 @@ impl StageClassifier {
         Ok(())
     }
 
-    /// As many nodes of each class, evenly over the demonstrations.
-    fn even_choice(&self) -> Vec<usize> {
-        let mut members = vec![Vec::new(); self.classes.len()];
-        for (node, class) in self.class_of_node.iter().enumerate() {
-            members[*class as usize].push(node);
-        }
-        let chosen = |of_class: &Vec<usize>| -> Vec<usize> {
-            let at = |i: usize| of_class[i * of_class.len() / STATES_A_CLASS];
-            (0..STATES_A_CLASS).map(at).collect()
-        };
-        members.iter().flat_map(chosen).collect()
-    }
-
     /// A choice of the states of a class, with no one of them twice.
-    fn known_states(&self, graph: &TopologicalGraph, class: usize) -> KnownStates {
-        let members: Vec<usize> = (0..self.class_of_node.len())
-            .filter(|node| self.class_of_node[*node] as usize == class)
-            .collect();
+    fn known_states(&self, graph: &TopologicalGraph, members: &[usize]) -> KnownStates {
         let count = members.len().min(STATES_A_CLASS);
-        let chosen: Vec<usize> = (0..count)
-            .map(|i| members[i * members.len() / count])
-            .collect();
+        let chosen: Vec<usize> = evenly(members, count).collect();
         let mut known = KnownStates::default();
         for node in &chosen {
             let latent = graph.latents().row(*node);
@@ -270,6 +258,11 @@ impl KnownStates {
         let nearer = self.distances.partition_point(|known| *known < distance);
         (count - nearer) as f64 / count as f64
     }
+}
+
+/// So many of some nodes, spread over all of them; some more than once where there are not as many.
+fn evenly(members: &[usize], count: usize) -> impl Iterator<Item = usize> {
+    (0..count).map(move |i| members[i * members.len() / count])
 }
 
 /// Squared distance to the nearest of some rows.

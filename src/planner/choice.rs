@@ -1,8 +1,10 @@
+use std::collections::HashMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::layout::subgoal_count;
 use super::{Layout, PlaceId, PlannerError, Search};
-use crate::graph::TopologicalGraph;
+use crate::graph::{NodeId, TopologicalGraph};
 use crate::task::Automaton;
 
 /// Which end state of the last task a plan leads to.
@@ -23,7 +25,7 @@ pub enum FinalChoice {
 
 /// The places at which a plan may end: last states of demonstrations of the last task, with all
 /// subgoals reached where the search asks for subgoals.
-pub(super) fn final_places(
+fn final_places(
     graph: &TopologicalGraph,
     automaton: &Automaton,
     layout: &Layout,
@@ -61,6 +63,19 @@ pub(super) fn final_places(
         FinalChoice::Cheapest | FinalChoice::Nearest | FinalChoice::All => Ok(finals),
         FinalChoice::Demonstration(id) => one_demonstration(graph, layout, task, &finals, id),
     }
+}
+
+/// Those of them that are not avoided.
+pub(super) fn open_final_places(
+    graph: &TopologicalGraph,
+    automaton: &Automaton,
+    layout: &Layout,
+    choice: &FinalChoice,
+    avoided: &HashMap<NodeId, usize>,
+) -> Result<Vec<PlaceId>, PlannerError> {
+    let mut places = final_places(graph, automaton, layout, choice)?;
+    places.retain(|place| !avoided.contains_key(&layout.place(*place).node));
+    Ok(places)
 }
 
 fn one_demonstration(

@@ -3,8 +3,9 @@ use std::sync::Arc;
 use super::belief::Belief;
 use super::groups::Groups;
 use super::motion::Motion;
+use super::outset::Outset;
 use super::stage_sense::StageSense;
-use super::stages::{StageView, Stages};
+use super::stages::{StageView, Stages, most_probable};
 use super::{FilterOptions, Layout, LiveDistances, PlaceId, StageChange};
 use crate::graph::{NodeId, StageClassifier, StageEvidence};
 
@@ -58,26 +59,10 @@ pub struct StageFilter {
     placing_steps: u32,
 }
 
-/// What is known of a robot that has seen nothing yet.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) enum Outset {
-    /// Near the start of the first task.
-    #[default]
-    Beginning,
-    /// Anywhere in the first task; its stage is told by what is seen.
-    Anywhere,
-    /// Anywhere at a stage.
-    Stage(usize),
-    /// At one of these places, by weight, or near the start of the first task.
-    Places(Vec<(PlaceId, f64)>),
-}
-
 /// Probability of a stage at which a robot that may start anywhere is taken to be there.
 const PLACED: f64 = 0.5;
 /// Steps after which it is taken to be at the most probable stage, however improbable.
 const PLACING_STEPS: u32 = 5;
-/// How far into the first task the robot may be at the beginning: mean of an exponential.
-const START_STEPS: f64 = 4.0;
 /// Share of the largest belief below which a place does not count.
 const RULED_OUT: f64 = 0.02;
 /// Probability below which the current stage is out of question.
@@ -129,31 +114,15 @@ impl StageFilter {
         self.belief.clear(&self.groups);
         self.belief.list_all(&self.groups);
         for (id, place) in (0..).map(PlaceId).zip(self.layout.places()) {
-            let is_there = match self.outset {
-                Outset::Beginning | Outset::Places(_) => place.occurrence == 0 && place.stage == 0,
-                Outset::Anywhere => place.occurrence == 0,
-                Outset::Stage(stage) => place.stage == stage,
-            };
-            let start = match self.outset {
-                Outset::Beginning | Outset::Places(_) => {
-                    (-f64::from(place.time_steps) / START_STEPS).exp()
-                }
-                Outset::Anywhere | Outset::Stage(_) => 1.0,
-            };
-            let mass = f64::from(u8::from(is_there)) * start + self.options.restart;
+            let mass = self.outset.mass(place) + self.options.restart;
             self.belief.add(id, mass);
         }
-        if let Outset::Places(places) = &self.outset {
-            for (id, weight) in places {
-                self.belief.add(*id, *weight);
-            }
+        for (id, weight) in self.outset.named() {
+            self.belief.add(*id, *weight);
         }
         self.belief.weigh(|_| 1.0, |_| 1.0);
         self.forget_the_least();
-        self.set_stage(match self.outset {
-            Outset::Stage(stage) => stage,
-            _ => 0,
-        });
+        self.set_stage(self.outset.stage());
         self.placing_steps = match self.outset {
             Outset::Anywhere => PLACING_STEPS,
             _ => 0,
@@ -163,12 +132,9 @@ impl StageFilter {
 
     /// Takes a robot that may start anywhere to be at the stage that what it sees tells.
     fn place(&mut self, stage_probabilities: &[f64]) {
-        let stages = stage_probabilities.iter().enumerate();
-        let best = stages.max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0)));
+        let stage = most_probable(stage_probabilities);
         self.placing_steps -= 1;
-        if let Some((stage, p)) = best
-            && (*p >= PLACED || self.placing_steps == 0)
-        {
+        if stage_probabilities[stage] >= PLACED || self.placing_steps == 0 {
             self.stages.set(stage);
             self.placing_steps = 0;
         }
@@ -341,13 +307,12 @@ impl StageFilter {
         let (layout, groups, options) = (&self.layout, &self.groups, &self.options);
         let unknown = likelihood(options, None, None);
         let sensed = evidence.zip(self.sense.as_ref());
+        let weights = sensed.map(|(evidence, sense)| sense.weights(options, evidence));
         let stages: Vec<f64> = (0..layout.stage_count())
-            .map(|stage| match sensed {
+            .map(|stage| match &weights {
                 _ if stage < lowest => 0.0,
                 None => unknown,
-                Some((evidence, sense)) => {
-                    unknown * sense.weight_of_stage(options, evidence, stage)
-                }
+                Some(weights) => unknown * weights.of_stage(stage),
             })
             .collect();
         self.belief.weigh(
@@ -360,10 +325,7 @@ impl StageFilter {
                     (None, None) => unknown,
                     (to, from) => likelihood(options, to, from),
                 };
-                let stage = sensed.map_or(1.0, |(evidence, sense)| {
-                    sense.weight_of_place(options, evidence, place)
-                });
-                near * stage
+                near * weights.as_ref().map_or(1.0, |w| w.of_state(place.node))
             },
             |group| stages[groups.stages[group]],
         );

@@ -1,9 +1,9 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::{Arc, OnceLock};
 
-use super::choice::final_places;
-use super::localisation::Outset;
+use super::choice::open_final_places;
 use super::no_path::{explain, explain_no_entry};
+use super::outset::Outset;
 use super::roads::Roads;
 use super::source::{Source, sources};
 use super::{
@@ -99,14 +99,13 @@ impl Planner {
     ) -> Result<Self, PlannerError> {
         let terms = terms.into();
         let layout = Layout::without(&graph, automaton, options.search, &terms.strangers())?;
-        check_start(&graph, automaton, &terms.start)?;
+        terms.start.check(&graph, automaton)?;
         let avoided = terms.avoided();
-        let mut finals = final_places(&graph, automaton, &layout, &terms.end)?;
-        finals.retain(|place| !avoided.contains_key(&layout.place(*place).node));
+        let finals = open_final_places(&graph, automaton, &layout, &terms.end, &avoided)?;
         if finals.is_empty() {
             return Err(PlannerError::FinalStatesAvoided {
                 task: automaton.tasks().last().cloned().unwrap_or_default(),
-                regions: region_names(&terms),
+                regions: terms.region_names(),
             });
         }
         let left_out = left_out(&graph, &options.predicted_edges);
@@ -391,32 +390,6 @@ impl Planner {
         }
         self.costs.repair(&self.roads, &changed)
     }
-}
-
-fn check_start(
-    graph: &TopologicalGraph,
-    automaton: &Automaton,
-    start: &Start,
-) -> Result<(), PlannerError> {
-    let known = graph.tasks();
-    match start {
-        Start::After(task) if !known.contains(&task.as_str()) => Err(PlannerError::UnknownStart {
-            task: task.clone(),
-            known: known.join(", "),
-        }),
-        Start::Stage(stage) if *stage >= automaton.stage_count() => {
-            Err(PlannerError::UnknownStage {
-                stage: *stage,
-                subgoals: automaton.subgoals().len(),
-            })
-        }
-        _ => Ok(()),
-    }
-}
-
-pub(super) fn region_names(terms: &Terms) -> String {
-    let names: Vec<&str> = terms.avoid.iter().map(|r| r.name.as_str()).collect();
-    names.join(", ")
 }
 
 #[cfg(test)]

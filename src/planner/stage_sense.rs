@@ -1,8 +1,8 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use super::{FilterOptions, Layout, Place, PlaceId};
-use crate::graph::{StageClassifier, StageEvidence};
+use super::{FilterOptions, Layout, PlaceId};
+use crate::graph::{NodeId, StageClassifier, StageEvidence};
 
 /// A classifier, with the classes that the places of each stage of a layout have.
 #[derive(Clone, Debug)]
@@ -38,26 +38,16 @@ impl StageSense {
         self.classifier.look(latent)
     }
 
-    /// What a place is weighed by.
-    pub(super) fn weight_of_place(
-        &self,
-        options: &FilterOptions,
-        evidence: &StageEvidence,
-        place: &Place,
-    ) -> f64 {
-        weight(options, evidence, self.classifier.class_of(place.node))
-    }
-
-    /// What places of a stage are weighed by together.
-    pub(super) fn weight_of_stage(
-        &self,
-        options: &FilterOptions,
-        evidence: &StageEvidence,
-        stage: usize,
-    ) -> f64 {
-        let classes = &self.of_stage[stage];
-        let weights = classes.iter().map(|c| weight(options, evidence, *c));
-        weights.sum::<f64>() / classes.len().max(1) as f64
+    /// What states are weighed by in this step.
+    pub(super) fn weights(&self, options: &FilterOptions, evidence: &StageEvidence) -> Weights<'_> {
+        let weight = |class: usize| {
+            let support = evidence.support(class);
+            (options.classifier_floor + support).powf(options.classifier_weight)
+        };
+        Weights {
+            sense: self,
+            of_class: (0..self.classifier.classes().len()).map(weight).collect(),
+        }
     }
 
     /// What speaks for a stage to be reached, 0..=1.
@@ -67,6 +57,21 @@ impl StageSense {
     }
 }
 
-fn weight(options: &FilterOptions, evidence: &StageEvidence, class: usize) -> f64 {
-    (options.classifier_floor + evidence.support(class)).powf(options.classifier_weight)
+/// What a classifier's word is worth in one step.
+pub(super) struct Weights<'a> {
+    sense: &'a StageSense,
+    of_class: Vec<f64>,
+}
+
+impl Weights<'_> {
+    pub(super) fn of_state(&self, node: NodeId) -> f64 {
+        self.of_class[self.sense.classifier.class_of(node)]
+    }
+
+    /// That of the places of a stage together.
+    pub(super) fn of_stage(&self, stage: usize) -> f64 {
+        let classes = &self.sense.of_stage[stage];
+        let sum: f64 = classes.iter().map(|class| self.of_class[*class]).sum();
+        sum / classes.len().max(1) as f64
+    }
 }

@@ -128,12 +128,11 @@ impl Stages {
     /// A later subgoal that is seen to be reached, when enough speaks for it over some steps.
     fn shortcut(&mut self, view: &StageView<'_>) -> Option<StageChange> {
         let later = &view.support[self.now + 1..];
+        if later.is_empty() {
+            return None;
+        }
         let to = self.now + 1 + most_probable(later);
-        let skipped = if later.is_empty() {
-            Vec::new()
-        } else {
-            self.unseen_before(to, true)
-        };
+        let skipped = self.unseen_before(to, true);
         let gained = if skipped.is_empty() {
             0.0
         } else {
@@ -156,7 +155,7 @@ impl Stages {
 }
 
 /// Index of the largest value; the first wins a tie, an empty slice gives 0.
-fn most_probable(values: &[f64]) -> usize {
+pub(super) fn most_probable(values: &[f64]) -> usize {
     let mut best = 0;
     for (i, v) in values.iter().enumerate() {
         if *v > values[best] {

@@ -2,8 +2,9 @@ use std::collections::{HashMap, HashSet};
 
 use serde::{Deserialize, Serialize};
 
-use super::FinalChoice;
-use crate::graph::NodeId;
+use super::{FinalChoice, PlannerError};
+use crate::graph::{NodeId, TopologicalGraph};
+use crate::task::Automaton;
 
 /// Where the robot is when a plan begins.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -21,6 +22,31 @@ pub enum Start {
     /// At any state at which so many subgoals of the composition are reached. A plan that is made before
     /// begins where a demonstration reaches the last of them.
     Stage(usize),
+}
+
+impl Start {
+    pub(super) fn check(
+        &self,
+        graph: &TopologicalGraph,
+        automaton: &Automaton,
+    ) -> Result<(), PlannerError> {
+        let known = graph.tasks();
+        match self {
+            Self::After(task) if !known.contains(&task.as_str()) => {
+                Err(PlannerError::UnknownStart {
+                    task: task.clone(),
+                    known: known.join(", "),
+                })
+            }
+            Self::Stage(stage) if *stage >= automaton.stage_count() => {
+                Err(PlannerError::UnknownStage {
+                    stage: *stage,
+                    subgoals: automaton.subgoals().len(),
+                })
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 /// States that a plan must not pass.
@@ -50,6 +76,12 @@ impl Terms {
     /// The states that are no part of the composition.
     pub(super) fn strangers(&self) -> HashSet<NodeId> {
         self.unplaced.iter().copied().collect()
+    }
+
+    /// The names of the avoided regions, separated by commas.
+    pub(super) fn region_names(&self) -> String {
+        let names: Vec<&str> = self.avoid.iter().map(|r| r.name.as_str()).collect();
+        names.join(", ")
     }
 
     /// The state of each avoided region, with the region's place in the list.

@@ -106,33 +106,27 @@ impl fmt::Display for Event {
                 subgoal,
                 skipped,
                 confidence,
-            } => {
-                let names: Vec<_> = skipped.iter().map(|s| s.name.as_str()).collect();
-                write!(
-                    f,
-                    "step {step}: SHORTCUT to {}/{}, skipping {} ({:.0} % sure)",
-                    subgoal.task,
-                    subgoal.name,
-                    names.join(", "),
-                    100.0 * confidence
-                )
-            }
+            } => write!(
+                f,
+                "step {step}: SHORTCUT to {}/{}, skipping {} ({:.0} % sure)",
+                subgoal.task,
+                subgoal.name,
+                names(skipped),
+                100.0 * confidence
+            ),
             Self::HeadingAhead {
                 step,
                 subgoal,
                 skipped,
                 confidence,
-            } => {
-                let names: Vec<_> = skipped.iter().map(|s| s.name.as_str()).collect();
-                write!(
-                    f,
-                    "step {step}: heading for {}/{} without {} ({:.0} % sure)",
-                    subgoal.task,
-                    subgoal.name,
-                    names.join(", "),
-                    100.0 * confidence
-                )
-            }
+            } => write!(
+                f,
+                "step {step}: heading for {}/{} without {} ({:.0} % sure)",
+                subgoal.task,
+                subgoal.name,
+                names(skipped),
+                100.0 * confidence
+            ),
             Self::SetBack { step, subgoal, .. } => {
                 write!(
                     f,
@@ -148,4 +142,9 @@ impl fmt::Display for Event {
             Self::Terminated { step } => write!(f, "step {step}: terminated"),
         }
     }
+}
+
+fn names(subgoals: &[Subgoal]) -> String {
+    let names: Vec<&str> = subgoals.iter().map(|s| s.name.as_str()).collect();
+    names.join(", ")
 }

@@ -171,6 +171,7 @@ impl<'a> Monitor<'a> {
             beyond as f32
         };
         let subgoals = &self.subgoals;
+        let due_at = |stages: &[usize]| stages.iter().map(|s| subgoals[*s].clone()).collect();
         match &localisation.change {
             None => {}
             Some(StageChange::Advanced { to }) => {
@@ -190,13 +191,13 @@ impl<'a> Monitor<'a> {
             Some(StageChange::Shortcut { to, skipped }) => events.push(Event::Shortcut {
                 step,
                 subgoal: subgoals[to - 1].clone(),
-                skipped: skipped.iter().map(|s| subgoals[*s].clone()).collect(),
+                skipped: due_at(skipped),
                 confidence: confidence(*to),
             }),
             Some(StageChange::Ahead { to, skipped }) => events.push(Event::HeadingAhead {
                 step,
                 subgoal: subgoals[*to].clone(),
-                skipped: skipped.iter().map(|s| subgoals[*s].clone()).collect(),
+                skipped: due_at(skipped),
                 confidence: confidence(*to),
             }),
         }

@@ -104,8 +104,9 @@ impl Reflex {
     /// Where all that is left is less probable than `least_substitute`, what undoes the one that had no
     /// effect: a hand that is stopped on its way is in the wrong place, and the next best class, such as
     /// closing the gripper there, is a guess. Before that the base is tried, where it moves the hand the same
-    /// way: an arm that is stretched out gets no further, a base does. Where it had no effect lately either, undoing it did not
-    /// help, and would not end: then the next best class after all, but never the gripper on a guess.
+    /// way: an arm that is stretched out gets no further, a base does. Where what is wanted had no effect
+    /// lately either, undoing it did not help, and would not end: then the next best class after all, but
+    /// never the gripper on a guess.
     ///
     /// Only spaces with one head (primitives) have something ruled out: with several, the most
     /// probable classes always stand.

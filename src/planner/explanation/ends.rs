@@ -1,8 +1,9 @@
 use super::parts::{Trip, probability};
 use super::{EndCandidate, TaskEnds};
-use crate::planner::choice::final_places;
+use crate::planner::choice::open_final_places;
 use crate::planner::layout::stage_offsets;
 use crate::planner::roads::Roads;
+use crate::planner::source::Source;
 use crate::planner::{CostToGo, FinalChoice, PlaceId, Planner, Search};
 
 /// Candidates that are listed for each task.
@@ -10,6 +11,7 @@ const LISTED: usize = 5;
 
 /// What it costs to get from the start of a plan to every place.
 struct Outward {
+    sources: Vec<Source>,
     roads: Roads,
     costs: CostToGo,
     start: PlaceId,
@@ -17,15 +19,16 @@ struct Outward {
 
 impl Outward {
     fn new(planner: &Planner) -> Self {
-        let sources: Vec<(PlaceId, f64, u32)> = planner
-            .sources()
+        let sources = planner.sources();
+        let entries: Vec<(PlaceId, f64, u32)> = sources
             .iter()
             .map(|source| (source.place, source.cost, source.steps))
             .collect();
-        let roads = planner.roads.reversed_from(&sources);
+        let roads = planner.roads.reversed_from(&entries);
         let start = PlaceId(planner.layout.places().len() as u32);
         let costs = CostToGo::new(&roads, &[start]);
         Self {
+            sources,
             roads,
             costs,
             start,
@@ -39,8 +42,7 @@ impl Outward {
         while let Some(road) = self.costs.next(&self.roads, here) {
             let before = PlaceId(road.to);
             holds *= if before == self.start {
-                let sources = planner.sources();
-                let entered = sources.iter().filter(|s| s.place == here);
+                let entered = self.sources.iter().filter(|s| s.place == here);
                 let cheapest = entered.min_by(|a, b| a.cost.total_cmp(&b.cost));
                 cheapest.map_or(1.0, |source| source.probability)
             } else {
@@ -237,18 +239,14 @@ impl Work<'_> {
             .into_iter()
             .filter(|id| self.is_end(*id))
             .collect();
-        let open = final_places(
+        let open = open_final_places(
             &planner.graph,
             planner.automaton(),
             &planner.layout,
             &FinalChoice::Cheapest,
+            &planner.avoided,
         );
-        let mut open = open.unwrap_or_default();
-        open.retain(|id| {
-            !planner
-                .avoided
-                .contains_key(&planner.layout.place(*id).node)
-        });
+        let open = open.unwrap_or_default();
         let chosen = self.trip.places.last().copied();
         let cost = chosen
             .and_then(|c| self.outward.costs.cost(c))
