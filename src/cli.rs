@@ -15,7 +15,9 @@ mod progress;
 mod record;
 mod resume;
 mod run;
+mod serve;
 mod shortcuts;
+mod simulate;
 mod train;
 mod trust;
 
@@ -37,6 +39,8 @@ pub fn main() -> ExitCode {
         Command::Compose(a) => compose::compose(a, &arguments),
         Command::Run(a) => run::run(a, &arguments),
         Command::Evaluate(a) => evaluate::evaluate(a, &arguments),
+        Command::Serve(a) => serve::serve(a, &arguments),
+        Command::Simulate(a) => simulate::simulate(a, &arguments),
         Command::Bench(a) => bench::bench(a, &arguments),
     };
     match done {

@@ -17,6 +17,7 @@ pub mod inference;
 pub mod model;
 pub mod planner;
 pub mod rollout;
+pub mod serve;
 pub mod simulator;
 pub mod storage;
 pub mod task;

@@ -3,6 +3,7 @@
 //! A run sees camera images and the robot's own actions, nothing else. It tells what it does through
 //! [`RolloutObserver`] and typed [`Event`]s; pictures and files are made elsewhere.
 
+mod controller;
 mod episode;
 mod error;
 mod event;
@@ -15,6 +16,7 @@ mod run;
 mod running;
 mod step;
 
+pub use controller::{Controller, Decision};
 pub use episode::{Episode, EpisodeEnd};
 pub use error::RolloutError;
 pub use event::Event;

@@ -11,6 +11,7 @@ use crate::inference::InferenceError;
 use crate::model::ModelError;
 use crate::planner::{NoPath, PlannerError};
 use crate::rollout::RolloutError;
+use crate::serve::ServeError;
 use crate::storage::StorageError;
 use crate::task::TaskError;
 use crate::training::TrainingError;
@@ -37,6 +38,8 @@ pub(super) enum CliError {
     Planner(#[from] PlannerError),
     #[error(transparent)]
     Rollout(#[from] RolloutError),
+    #[error(transparent)]
+    Serve(#[from] ServeError),
     #[error(transparent)]
     Storage(#[from] StorageError),
     #[error(transparent)]

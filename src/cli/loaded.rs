@@ -203,17 +203,20 @@ impl Loaded {
 
     /// The bedroom that the composition starts in.
     pub(super) fn bedroom(&self) -> Result<BedroomConfig, CliError> {
-        match &self.composition.environment {
-            Some(environment) if environment.kind.value == "bedroom" => {
-                Ok(environment.settings_as()?)
-            }
-            other => Err(CliError::UnknownWorld {
-                composition: self.composition.name.clone(),
-                found: other
-                    .as_ref()
-                    .map_or_else(|| "none".to_owned(), |e| format!("'{}'", e.kind.value)),
-            }),
-        }
+        bedroom(&self.composition)
+    }
+}
+
+/// The bedroom that a composition starts in.
+pub(super) fn bedroom(composition: &Composition) -> Result<BedroomConfig, CliError> {
+    match &composition.environment {
+        Some(environment) if environment.kind.value == "bedroom" => Ok(environment.settings_as()?),
+        other => Err(CliError::UnknownWorld {
+            composition: composition.name.clone(),
+            found: other
+                .as_ref()
+                .map_or_else(|| "none".to_owned(), |e| format!("'{}'", e.kind.value)),
+        }),
     }
 }
 

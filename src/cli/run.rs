@@ -21,7 +21,7 @@ use crate::planner::Start;
 use crate::rollout::{Event, Rollout, RolloutObserver, StepRecord};
 use crate::simulator::{Bedroom, PRIMITIVE_SECS};
 use crate::storage::{EpisodeWriter, RecordingMetadata, write_file};
-use crate::trajectory::{Action, ActionSpace, Observation, Step};
+use crate::trajectory::{Observation, Step};
 use crate::view::{EventLevel, RolloutRecording, RolloutScene, StepView, write_merged_graph_svg};
 
 /// `summary.json` of a run.
@@ -331,7 +331,7 @@ impl Recorder<'_> {
         events: &[Event],
     ) -> Result<(), CliError> {
         self.write_events(events, step)?;
-        if let Some(terminate) = terminate(self.scene.action_space) {
+        if let Some(terminate) = self.scene.action_space.terminate() {
             self.mcap.add_step(&Step {
                 time_secs: step as f64 * PRIMITIVE_SECS,
                 observation: Arc::clone(observation),
@@ -377,16 +377,5 @@ impl Recorder<'_> {
             ..RecordingMetadata::default()
         })?;
         Ok(())
-    }
-}
-
-/// The primitive that ends an episode, where the robot has one.
-fn terminate(space: &ActionSpace) -> Option<Action> {
-    match space {
-        ActionSpace::Primitives { names } => names
-            .iter()
-            .position(|n| n == "terminate")
-            .map(Action::Primitive),
-        _ => None,
     }
 }

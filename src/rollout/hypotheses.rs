@@ -1,14 +1,12 @@
-use super::Rollout;
-use super::running::Run;
+use super::Controller;
 use crate::graph::NodeId;
 use crate::planner::{GoalChoice, Join, Localisation, Search};
 
-impl Rollout<'_> {
+impl Controller<'_> {
     /// The goal states that follow from where the robot may be, with their weights: a belief over
     /// several states is not settled by taking the first of them.
     pub(super) fn goal_states(
         &self,
-        run: &Run,
         localisation: &Localisation,
         goal: &GoalChoice,
     ) -> Vec<(NodeId, f64)> {
@@ -29,7 +27,7 @@ impl Rollout<'_> {
             .filter_map(|(place, weight)| {
                 let goal = self
                     .planner
-                    .goal_from(place, localisation, &run.distances)?;
+                    .goal_from(place, localisation, &self.run.distances)?;
                 Some((goal.node, weight))
             })
             .collect();

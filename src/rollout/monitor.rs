@@ -13,12 +13,13 @@ use crate::trajectory::{Observation, State};
 /// reached, and flags a shortcut.
 ///
 /// [`Rollout`](super::Rollout) has one for the robot that it drives.
+#[derive(Clone)]
 pub struct Monitor<'a> {
     model: RolloutModel<'a>,
     filter: StageFilter,
-    projections: Projections,
+    projections: Arc<Projections>,
     candidates: Vec<NodeId>,
-    nearby: Option<Nearby>,
+    nearby: Option<Arc<Nearby>>,
     subgoals: Vec<Subgoal>,
     near_probability: f32,
     history: Vec<Arc<Observation>>,
@@ -74,11 +75,12 @@ impl<'a> Monitor<'a> {
             .nearest_states
             .map(|count| Nearby::new(model.traversability, &projections, &candidates, count))
             .transpose()
+            .map(|nearby| nearby.map(Arc::new))
             .map_err(|source| RolloutError::Model { step: 0, source })?;
         Ok(Self {
             model,
             filter,
-            projections,
+            projections: Arc::new(projections),
             candidates,
             nearby,
             subgoals: planner.automaton().subgoals().to_vec(),

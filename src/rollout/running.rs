@@ -5,14 +5,15 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::reflex::Reflex;
-use super::{Event, StepTimes};
 use crate::planner::LiveDistances;
 use crate::trajectory::{ActionSpace, Observation};
 
 /// What changes during an episode.
+#[derive(Clone)]
 pub(super) struct Run {
     pub(super) step: usize,
-    pub(super) newest: Arc<Observation>,
+    /// What was done last, and what was seen before it.
+    last: Option<(Vec<usize>, Arc<Observation>)>,
     pub(super) distances: LiveDistances,
     pub(super) stage_step: usize,
     pub(super) lost_steps: usize,
@@ -22,16 +23,13 @@ pub(super) struct Run {
     pub(super) progress_step: usize,
     pub(super) reflex: Reflex,
     pub(super) rng: ChaCha8Rng,
-    pub(super) pending: Vec<Event>,
-    pub(super) events: Vec<Event>,
-    pub(super) times: Vec<StepTimes>,
 }
 
 impl Run {
-    pub(super) fn new(first: Observation, seed: u64, space: &ActionSpace) -> Self {
+    pub(super) fn new(seed: u64, space: &ActionSpace) -> Self {
         Self {
             step: 0,
-            newest: Arc::new(first),
+            last: None,
             distances: LiveDistances::unknown(0, 1),
             stage_step: 0,
             lost_steps: 0,
@@ -40,9 +38,6 @@ impl Run {
             progress_step: 0,
             reflex: Reflex::new(space),
             rng: ChaCha8Rng::seed_from_u64(seed),
-            pending: Vec::new(),
-            events: Vec::new(),
-            times: Vec::new(),
         }
     }
 
@@ -54,9 +49,18 @@ impl Run {
         self.progress_step = self.step;
     }
 
-    pub(super) fn see(&mut self, observation: Observation) {
-        self.step += 1;
-        self.newest = Arc::new(observation);
+    /// What is done at this step.
+    pub(super) fn acted(&mut self, classes: Vec<usize>, before: Arc<Observation>) {
+        self.last = Some((classes, before));
+    }
+
+    /// What is seen after it.
+    pub(super) fn see(&mut self, observation: &Observation, still_levels: f32) {
+        if let Some((classes, before)) = self.last.take() {
+            self.step += 1;
+            self.reflex
+                .note(&classes, &before, observation, still_levels);
+        }
     }
 }
 

@@ -120,6 +120,26 @@ impl ActionSpace {
         names.iter().map(of_base).collect()
     }
 
+    /// The primitive that ends an episode, by its name `terminate`; none where the robot has no such.
+    #[must_use]
+    pub fn terminate(&self) -> Option<Action> {
+        let Self::Primitives { names } = self else {
+            return None;
+        };
+        let index = names.iter().position(|name| name == "terminate")?;
+        Some(Action::Primitive(index))
+    }
+
+    /// How many values an action has; one for a primitive, its index.
+    #[must_use]
+    pub fn dimension_count(&self) -> usize {
+        match self {
+            Self::Primitives { .. } => 1,
+            Self::Binned { dimensions } => dimensions.len(),
+            Self::Continuous { names } => names.len(),
+        }
+    }
+
     /// How many classes each head of a policy has: one head for primitives, one a dimension for
     /// binned actions, none for a space that is not binned yet.
     #[must_use]

@@ -1,6 +1,8 @@
 use std::fmt;
 use std::sync::Arc;
 
+use image::RgbImage;
+use image::imageops::{FilterType, resize};
 use serde::{Deserialize, Serialize};
 
 use super::TrajectoryError;
@@ -36,6 +38,26 @@ impl Image {
             });
         }
         Ok(Self { height, width, rgb })
+    }
+
+    /// The image at another size, each pixel the mean of those that it covers, weighed by a triangle
+    /// (bilinear where it grows). An image that has the size already is shared.
+    ///
+    /// # Panics
+    /// Never: an image has as many pixels as it says.
+    #[must_use]
+    pub fn resized(&self, height: u32, width: u32) -> Self {
+        if (self.height, self.width) == (height, width) {
+            return self.clone();
+        }
+        let pixels = RgbImage::from_raw(self.width, self.height, self.rgb.to_vec());
+        let pixels = pixels.expect("an image has all its pixels");
+        let rgb = resize(&pixels, width, height, FilterType::Triangle).into_raw();
+        Self {
+            height,
+            width,
+            rgb: rgb.into(),
+        }
     }
 
     /// Rows.

@@ -1,0 +1,262 @@
+use std::sync::Arc;
+
+use super::running::{Run, Watch};
+use super::{
+    EpisodeEnd, Event, Monitor, RolloutError, RolloutModel, RolloutOptions, Sight, StepRecord,
+    StepTimes,
+};
+use crate::composer::OnShortcut;
+use crate::model::{ActionDistribution, Latents, ModelSpec};
+use crate::planner::{GoalChoice, Localisation, Planner, StageChange};
+use crate::trajectory::Observation;
+
+/// Answers each observation of a robot with the action to take, until the composition is done: the loop
+/// without the robot, for programs that hold the robot themselves. [`Rollout`](super::Rollout) closes it
+/// over an [`Environment`](crate::environment::Environment).
+///
+/// A clone shares the graph, what was computed of it, and the model, and follows an episode of its own.
+#[derive(Clone)]
+pub struct Controller<'a> {
+    model: RolloutModel<'a>,
+    pub(super) planner: Planner,
+    pub(super) monitor: Monitor<'a>,
+    pub(super) options: RolloutOptions,
+    pub(super) run: Run,
+}
+
+/// What a [`Controller`] made of an observation.
+#[derive(Clone, Debug)]
+pub enum Decision {
+    /// Act: the record says how and why.
+    Act(Box<StepRecord>),
+    /// The episode is over.
+    End {
+        /// Why.
+        end: EpisodeEnd,
+        /// What happened at this last observation.
+        events: Vec<Event>,
+        /// Where the robot is believed to be.
+        localisation: Box<Localisation>,
+    },
+}
+
+impl<'a> Controller<'a> {
+    /// Makes the states of the planner's graph ready for the model's traversability function.
+    ///
+    /// # Errors
+    /// [`RolloutError::Graph`] when the graph's latents are not the model's, [`RolloutError::Model`] when a
+    /// network gives no answer, [`RolloutError::Planner`] when the stages of the graph's states cannot be
+    /// learnt.
+    pub fn new(
+        model: RolloutModel<'a>,
+        planner: Planner,
+        options: RolloutOptions,
+    ) -> Result<Self, RolloutError> {
+        let monitor = Monitor::new(model, &planner, &options)?;
+        Ok(Self {
+            run: Run::new(0, &model.encoder.spec().action_space),
+            model,
+            planner,
+            monitor,
+            options,
+        })
+    }
+
+    /// The planner, as the episode so far left it.
+    #[must_use]
+    pub fn planner(&self) -> &Planner {
+        &self.planner
+    }
+
+    /// How it runs a composition.
+    #[must_use]
+    pub fn options(&self) -> &RolloutOptions {
+        &self.options
+    }
+
+    /// What it sees and does: cameras and actions.
+    #[must_use]
+    pub fn spec(&self) -> &ModelSpec {
+        self.model.encoder.spec()
+    }
+
+    /// How many subgoals are seen to be reached.
+    #[must_use]
+    pub fn stage(&self) -> usize {
+        self.monitor.filter().stage()
+    }
+
+    /// Observations answered with an action since the episode began.
+    #[must_use]
+    pub fn step_count(&self) -> usize {
+        self.run.step
+    }
+
+    /// Steps of the episode at which the robot was lost.
+    #[must_use]
+    pub fn lost_steps(&self) -> usize {
+        self.run.lost_steps
+    }
+
+    /// Begins a new episode. The seed is that of actions that are drawn where the robot makes no progress.
+    pub fn reset(&mut self, seed: u64) {
+        self.monitor.reset();
+        self.planner.recover(0.0);
+        self.run = Run::new(seed, &self.model.encoder.spec().action_space);
+    }
+
+    /// The next observation: the first one of the episode, or what is seen after the last action. After an
+    /// end, [`reset`](Self::reset) comes first.
+    ///
+    /// # Errors
+    /// [`RolloutError`] when a network gives no answer, or cameras or classes do not fit the model.
+    pub fn step(&mut self, observation: Arc<Observation>) -> Result<Decision, RolloutError> {
+        self.run.see(&observation, self.options.still_levels);
+        let step = self.run.step;
+        let sight = self.monitor.look(Arc::clone(&observation))?;
+        let Sight {
+            latent,
+            distances,
+            localisation,
+            mut events,
+            encode_ms,
+            localise_ms,
+        } = sight;
+        self.run.distances = distances;
+        let mut watch = Watch::start();
+        if let Some(end) = self.note_change(&localisation) {
+            return Ok(Decision::over(end, events, localisation));
+        }
+        let goal = match self.planner.next_goal(&localisation, &self.run.distances) {
+            Ok(goal) => goal,
+            Err(no_path) => {
+                let end = EpisodeEnd::NoPath(no_path.to_string());
+                return Ok(Decision::over(end, events, localisation));
+            }
+        };
+        events.extend(self.note_progress(&goal));
+        let plan_ms = watch.lap_ms();
+        if self.is_finished(&localisation, &goal) {
+            events.push(Event::Terminated { step });
+            return Ok(Decision::over(EpisodeEnd::Finished, events, localisation));
+        }
+        if step >= self.options.max_steps {
+            return Ok(Decision::over(EpisodeEnd::OutOfSteps, events, localisation));
+        }
+        let (distribution, classes) = self.choose(&latent, &localisation, &goal)?;
+        let action_space = &self.model.encoder.spec().action_space;
+        let action = action_space
+            .action(&classes)
+            .map_err(|source| RolloutError::Action { step, source })?;
+        let act_ms = watch.lap_ms();
+        self.run.acted(classes, Arc::clone(&observation));
+        Ok(Decision::Act(Box::new(StepRecord {
+            step,
+            observation,
+            localisation,
+            goal,
+            distribution,
+            action,
+            events,
+            times: StepTimes {
+                encode_ms,
+                localise_ms,
+                plan_ms,
+                act_ms,
+            },
+        })))
+    }
+
+    /// Goes on from the stage that the monitor sees; an end, if a shortcut is one.
+    fn note_change(&mut self, localisation: &Localisation) -> Option<EpisodeEnd> {
+        self.run.lost_steps += usize::from(localisation.is_lost);
+        match localisation.change {
+            None | Some(StageChange::Ahead { .. }) => None,
+            Some(StageChange::Advanced { .. } | StageChange::Regressed { .. }) => {
+                self.run.enter();
+                None
+            }
+            Some(StageChange::Shortcut { to, .. }) => match self.options.on_shortcut {
+                OnShortcut::Replan => None,
+                OnShortcut::Stop => Some(EpisodeEnd::Shortcut),
+                OnShortcut::Report => {
+                    self.monitor.accept_stage(to);
+                    self.run.enter();
+                    None
+                }
+            },
+        }
+    }
+
+    /// Makes a goal state dearer that the robot does not get to, and lets old failures fade.
+    fn note_progress(&mut self, goal: &GoalChoice) -> Option<Event> {
+        self.planner.recover(self.options.penalty_keep);
+        if goal.cost < self.run.least_cost - 0.5 {
+            self.run.least_cost = goal.cost;
+            self.run.progress_step = self.run.step;
+        }
+        if goal.cost < self.run.nearest_cost - 0.5 {
+            self.run.nearest_cost = goal.cost;
+            self.run.reflex.note_progress();
+        }
+        let waited = self.run.step - self.run.progress_step;
+        if waited < self.options.patience_steps {
+            return None;
+        }
+        self.planner
+            .penalise(None, goal.node, self.options.penalty_steps);
+        self.run.least_cost = f64::INFINITY;
+        self.run.progress_step = self.run.step;
+        Some(Event::NoProgress {
+            step: self.run.step,
+            steps: waited,
+        })
+    }
+
+    fn is_finished(&self, localisation: &Localisation, goal: &GoalChoice) -> bool {
+        self.planner.automaton().is_accepting(localisation.stage)
+            && (goal.has_arrived
+                || self.run.step - self.run.stage_step >= self.options.settle_steps)
+    }
+
+    fn choose(
+        &mut self,
+        latent: &Latents,
+        localisation: &Localisation,
+        goal: &GoalChoice,
+    ) -> Result<(ActionDistribution, Vec<usize>), RolloutError> {
+        let mut parts = Vec::new();
+        for (node, weight) in self.goal_states(localisation, goal) {
+            let goal = self.planner.graph().latents().row(node.index());
+            let part = self.model.policy.act(latent.row(0), goal);
+            let part = part.map_err(|source| RolloutError::Model {
+                step: self.run.step,
+                source,
+            })?;
+            parts.push((part, weight as f32));
+        }
+        let distribution = ActionDistribution::mixture(&parts);
+        if let Some(classes) = self.run.reflex.retreat(self.options.blocked_steps) {
+            return Ok((distribution, classes));
+        }
+        let is_stuck = self.run.step - self.run.progress_step >= self.options.doubt_steps;
+        let classes = if is_stuck {
+            self.run.reflex.draw(&distribution, &mut self.run.rng)
+        } else {
+            self.run
+                .reflex
+                .choose(&distribution, self.options.least_substitute)
+        };
+        Ok((distribution, classes))
+    }
+}
+
+impl Decision {
+    fn over(end: EpisodeEnd, events: Vec<Event>, localisation: Localisation) -> Self {
+        Self::End {
+            end,
+            events,
+            localisation: Box::new(localisation),
+        }
+    }
+}
