@@ -7,6 +7,7 @@ mod compose;
 mod demos;
 mod error;
 mod evaluate;
+mod experiment;
 mod gaps;
 mod graph;
 mod loaded;
@@ -39,6 +40,7 @@ pub fn main() -> ExitCode {
         Command::Compose(a) => compose::compose(a, &arguments),
         Command::Run(a) => run::run(a, &arguments),
         Command::Evaluate(a) => evaluate::evaluate(a, &arguments),
+        Command::Experiment(c) => experiment::experiment(c, &arguments),
         Command::Serve(a) => serve::serve(a, &arguments),
         Command::Simulate(a) => simulate::simulate(a, &arguments),
         Command::Bench(a) => bench::bench(a, &arguments),

@@ -3,6 +3,7 @@
 //! Only this room and the operator look at the truth; what plans and acts never does.
 
 mod calibration_score;
+mod chaining;
 mod counted;
 mod detection;
 mod edge_options;
@@ -26,6 +27,7 @@ mod walk;
 mod watched;
 
 pub use calibration_score::{BeforeAndAfter, CalibrationScore, Population};
+pub use chaining::{ChainPart, ChainingCell, ChainingMethod, chaining_table};
 pub(crate) use counted::counted;
 pub use detection::ShortcutDetection;
 pub use edge_options::{EdgeOptions, OptionEffect};

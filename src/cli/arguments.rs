@@ -36,6 +36,9 @@ pub enum Command {
     Run(RunArguments),
     /// Measure the success rate of a task or a composition over many episodes.
     Evaluate(EvaluateArguments),
+    /// Make tables and figures; what is finished is kept, so that a run that was cut goes on.
+    #[command(subcommand)]
+    Experiment(ExperimentCommand),
     /// Serve a composition to a robot's own program: observations in, actions out.
     Serve(ServeArguments),
     /// Serve the simulated bedroom to a program that drives it: actions in, observations out.
@@ -291,6 +294,33 @@ pub struct EvaluateArguments {
     /// the runs with subgoals in order.
     #[arg(long, value_enum, default_value_t = PlannerArgument::InOrder)]
     pub planner: PlannerArgument,
+}
+
+/// `catena experiment ...`
+#[derive(Debug, Subcommand)]
+pub enum ExperimentCommand {
+    /// A chain of tasks with all that guards it, and with each guard switched off in turn.
+    Chaining(ChainingArguments),
+}
+
+/// `catena experiment chaining`
+#[derive(Debug, Args)]
+pub struct ChainingArguments {
+    /// The composition's YAML file.
+    #[arg(default_value = "tasks/sequences/sock_then_trash.yaml")]
+    pub target: String,
+    /// Number of episodes of each method.
+    #[arg(long, default_value_t = 100)]
+    pub episodes: usize,
+    /// Seed of the first episode; the others follow one by one.
+    #[arg(long, default_value_t = 100)]
+    pub seed: u64,
+    /// How much the world varies.
+    #[arg(long, value_enum, default_value_t = LevelArgument::Paper)]
+    pub level: LevelArgument,
+    /// Where the cells, the table and the plot go.
+    #[arg(long, default_value = "results/chaining")]
+    pub out: PathBuf,
 }
 
 /// `catena serve`

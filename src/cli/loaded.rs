@@ -6,7 +6,7 @@ use indicatif::ProgressBar;
 use super::arguments::{Arguments, EngineArgument};
 use super::error::CliError;
 use super::progress;
-use crate::composer::{Calibration, Composition, compose_named};
+use crate::composer::{Calibration, Composition, ResolvedTask, compose_named};
 use crate::graph::{
     CrossTaskCandidates, GraphProgress, MergeOptions, MergeReport, TopologicalGraph, merge,
 };
@@ -15,7 +15,8 @@ use crate::planner::{Plan, Planner, PlannerOptions, Terms};
 use crate::rollout::{RolloutModel, RolloutOptions};
 use crate::simulator::BedroomConfig;
 use crate::storage::{
-    GraphImages, GraphManifest, RecordingReport, ensure_same_model, load_demonstrations, load_graph,
+    GraphImages, GraphManifest, RecordingReport, ensure_same_model, load_demonstrations,
+    load_graph, sha256_file,
 };
 use crate::trajectory::DemonstrationSet;
 
@@ -105,7 +106,14 @@ impl Loaded {
     ///
     /// Of several orders it takes the cheapest; where none connects, the first, whose plan says why.
     pub(super) fn load(name_or_path: &str, arguments: &Arguments) -> Result<Self, CliError> {
-        let mut composition = compose_named(name_or_path, &arguments.root)?;
+        Self::of(compose_named(name_or_path, &arguments.root)?, arguments)
+    }
+
+    /// The same for a composition that was read already.
+    pub(super) fn of(
+        mut composition: Composition,
+        arguments: &Arguments,
+    ) -> Result<Self, CliError> {
         composition.check_files()?;
         let model = load_model(&composition, arguments)?;
         let folders: Vec<PathBuf> = composition.all_tasks().map(|t| t.graph.clone()).collect();
@@ -205,6 +213,15 @@ impl Loaded {
     pub(super) fn bedroom(&self) -> Result<BedroomConfig, CliError> {
         bedroom(&self.composition)
     }
+}
+
+/// Digests of the graphs of a composition's tasks, each as `task:digest`.
+pub(super) fn graph_digests(composition: &Composition) -> Result<Vec<String>, CliError> {
+    let digest = |task: &ResolvedTask| {
+        let digest = sha256_file(&task.graph.join("manifest.json"))?;
+        Ok(format!("{}:{digest}", task.task.name))
+    };
+    composition.all_tasks().map(digest).collect()
 }
 
 /// The bedroom that a composition starts in.

@@ -2,10 +2,9 @@ use std::time::Duration;
 
 use super::arguments::{Arguments, LimitArguments, ServeArguments};
 use super::error::CliError;
-use super::loaded::Loaded;
+use super::loaded::{Loaded, graph_digests};
 use crate::rollout::Controller;
 use crate::serve::{ApiKey, PolicyLabel, PolicyService, ServeLimits, Server, Service, Stop};
-use crate::storage::sha256_file;
 
 /// `catena serve`: a composition for whoever connects, until the process is asked to end.
 pub(super) fn serve(
@@ -23,15 +22,11 @@ pub(super) fn serve(
     planner.plan_from_start().map_err(CliError::NoPath)?;
     let options = loaded.rollout_options(serve_arguments.nearest_states);
     let controller = Controller::new(loaded.rollout_model(), planner, options)?;
-    let graphs = composition.all_tasks().map(|task| {
-        let digest = sha256_file(&task.graph.join("manifest.json"))?;
-        Ok(format!("{}:{digest}", task.task.name))
-    });
     let label = PolicyLabel {
         name: composition.name.clone(),
         description: composition.description.clone().unwrap_or_default(),
         model: loaded.model.digest(),
-        graphs: graphs.collect::<Result<_, CliError>>()?,
+        graphs: graph_digests(composition)?,
         engine: loaded.model.engine().description().to_owned(),
     };
     let spec = &loaded.model.manifest().spec;

@@ -6,12 +6,14 @@ mod edges;
 mod labels;
 mod legend;
 mod orders;
+mod rates;
 mod route;
 
 use std::path::Path;
 
 pub use automaton::{automaton_svg, write_automaton_svg};
 use canvas::Canvas;
+pub use rates::{Rate, rates_svg, write_rates_svg};
 
 use super::layout::{Frame, GraphLayout};
 use super::{ViewError, file};
