@@ -49,7 +49,7 @@ pub fn convert_to_lerobot(
     let mut conversion = Conversion::default();
     replace_folder(out, |draft| {
         let mut writer: Option<DatasetWriter> = None;
-        let mut ids = Ids::default();
+        let mut ids: BTreeMap<String, Ids> = BTreeMap::new();
         for recording in recordings.read() {
             let recording = recording?;
             if !conversion.takes(&recording.report) {
@@ -66,6 +66,7 @@ pub fn convert_to_lerobot(
                     reason,
                 });
             }
+            let ids = ids.entry(slug(&trajectory.task)).or_default();
             writer.add(trajectory, report, &ids.unique(&trajectory.id))?;
             conversion.count(trajectory, report);
             conversion.fps = Some(writer.fps());

@@ -34,7 +34,7 @@ pub struct Recordings {
 /// One recording.
 #[derive(Clone, Debug)]
 struct Source {
-    /// The file, or the dataset with the name of the episode: unique, and what is sorted by.
+    /// The file, or the dataset with the name of the episode.
     place: PathBuf,
     container: Container,
     view: View,
@@ -61,6 +61,14 @@ impl Source {
         match &self.container {
             Container::Mcap => inspect_mcap(&self.place, &self.view),
             Container::Episode { dataset, number } => inspect_episode(dataset, *number, &self.view),
+        }
+    }
+
+    /// Files by their paths, episodes by their dataset and number.
+    fn order(&self) -> (&Path, usize) {
+        match &self.container {
+            Container::Mcap => (&self.place, 0),
+            Container::Episode { dataset, number } => (&dataset.root, *number),
         }
     }
 
@@ -100,8 +108,8 @@ impl Recordings {
                 found.take(path, None)?;
             }
         }
-        found.sources.sort_by(|a, b| a.place.cmp(&b.place));
-        found.sources.dedup_by(|a, b| a.place == b.place);
+        found.sources.sort_by(|a, b| a.order().cmp(&b.order()));
+        found.sources.dedup_by(|a, b| a.order() == b.order());
         if found.sources.is_empty() {
             return Err(StorageError::NoRecordings {
                 paths: list(paths.iter().map(|p| p.display().to_string())),
