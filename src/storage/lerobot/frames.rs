@@ -22,6 +22,8 @@ use super::{StorageError, fault};
 const BATCH_ROWS: usize = 256;
 /// A row group whose columns claim more is damaged; writers make groups of some hundred MiB.
 const MAX_GROUP_BYTES: i64 = 8 << 30;
+/// 155 hours at 30 Hz in one file; a few bytes can claim any number of equal rows.
+const MAX_ROWS: i64 = 1 << 24;
 
 /// A Parquet file that is open.
 pub(super) struct Table {
@@ -55,6 +57,14 @@ impl Table {
 
     /// Refuses a footer that claims what the file cannot hold.
     fn check_sizes(&self, length: u64) -> Result<(), StorageError> {
+        let rows = self.metadata.metadata().file_metadata().num_rows();
+        if !(0..=MAX_ROWS).contains(&rows) {
+            let reason = format!(
+                "its footer is damaged: it claims {rows} rows. Fetch or write the file again, or split a table of more \
+                 than {MAX_ROWS} rows"
+            );
+            return Err(fault(&self.path, reason));
+        }
         for (number, group) in self.metadata.metadata().row_groups().iter().enumerate() {
             let stored: i64 = group
                 .columns()
