@@ -24,6 +24,17 @@ pub(super) struct Mapping {
     spec: spec::MappingSpec,
 }
 
+/// What a mapping file says of a topic with images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum SaidOfTopic<'a> {
+    /// It is this camera.
+    Camera(&'a str),
+    /// Other topics are the cameras.
+    NoCamera,
+    /// Cameras are found by the types of topics.
+    Nothing,
+}
+
 /// Whether a path is taken for a mapping file.
 pub(super) fn is_mapping(path: &Path) -> bool {
     let ending = path.extension().unwrap_or_default();
@@ -59,12 +70,13 @@ impl Mapping {
         own.or(self.spec.image_size.as_ref()).map(|s| s.value)
     }
 
-    /// The camera that a topic belongs to: `None` where the file does not say which topics are cameras,
-    /// `Some(None)` where it does and this topic is none.
-    pub fn camera_of(&self, topic: &str) -> Option<Option<&str>> {
-        let cameras = self.spec.topics.cameras.as_ref()?;
+    /// What the file says of a topic with images.
+    pub fn camera_of(&self, topic: &str) -> SaidOfTopic<'_> {
+        let Some(cameras) = &self.spec.topics.cameras else {
+            return SaidOfTopic::Nothing;
+        };
         let found = cameras.iter().find(|(_, t)| t.value == topic);
-        Some(found.map(|(name, _)| name.as_str()))
+        found.map_or(SaidOfTopic::NoCamera, |(name, _)| SaidOfTopic::Camera(name))
     }
 
     /// The topic of actions, if that is said.

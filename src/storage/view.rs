@@ -6,7 +6,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use super::StorageError;
-use super::mapping::{ActionShape, Mapping};
+use super::mapping::{ActionShape, Mapping, SaidOfTopic};
 use super::topic::{Channel, Role, camera_name};
 use crate::trajectory::{ActionSpace, Image};
 
@@ -87,12 +87,15 @@ impl View {
             return Role::Subgoal;
         }
         match (channel.role(), mapping.camera_of(topic)) {
-            (role @ (Role::Camera(_) | Role::UnreadableCamera(_)), Some(Some(_)) | None) => role,
-            (_, Some(Some(_))) => Role::UnreadableCamera(format!(
+            (
+                role @ (Role::Camera(_) | Role::UnreadableCamera(_)),
+                SaidOfTopic::Camera(_) | SaidOfTopic::Nothing,
+            ) => role,
+            (_, SaidOfTopic::Camera(_)) => Role::UnreadableCamera(format!(
                 "the mapping file calls it a camera, but its type {} holds no images",
                 channel.type_name
             )),
-            (Role::Camera(_) | Role::UnreadableCamera(_), Some(None)) => Role::Other,
+            (Role::Camera(_) | Role::UnreadableCamera(_), SaidOfTopic::NoCamera) => Role::Other,
             (Role::Action(_) | Role::UnreadableAction(_), _)
                 if mapping.action_topic().is_some() =>
             {
@@ -106,8 +109,10 @@ impl View {
 
     /// What the camera of a topic is called.
     pub fn camera_name(&self, topic: &str) -> String {
-        let mapped = self.mapping.as_ref().and_then(|m| m.camera_of(topic)?);
-        mapped.map_or_else(|| camera_name(topic), str::to_owned)
+        match self.mapping.as_ref().map(|m| m.camera_of(topic)) {
+            Some(SaidOfTopic::Camera(name)) => name.to_owned(),
+            _ => camera_name(topic),
+        }
     }
 
     /// An image of a camera in the size that is asked for.

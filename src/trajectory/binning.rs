@@ -436,7 +436,7 @@ mod tests {
             "{error}"
         );
         binning.dimensions = [("gripper".to_owned(), two)].into();
-        let both = vec![
+        let both = [
             Action::Continuous(vec![0.0, 0.0]),
             Action::Continuous(vec![1.0, 1.0]),
         ];

@@ -94,7 +94,7 @@ fn told(time: u64, action: &str) -> Message {
 
 /// A sound recording but for its last action.
 fn with_action(folder: &Path, action: &str) -> PathBuf {
-    let good = |i| [shown(i * 100), told(i * 100 + 1, r#"{"values": [0.5, 1]}"#)];
+    let good = |i: u64| [shown(i * 100), told(i * 100 + 1, r#"{"values": [0.5, 1]}"#)];
     let mut messages: Vec<Message> = (0..4).flat_map(good).collect();
     messages.push(told(401, action));
     mcap(&folder.join("demo.mcap"), &messages)
@@ -102,7 +102,10 @@ fn with_action(folder: &Path, action: &str) -> PathBuf {
 
 fn with_image(folder: &Path, bytes: &[u8]) -> PathBuf {
     let image = (IMAGES, 0, image_message(bytes));
-    mcap(&folder.join("demo.mcap"), &[image, told(1, r#"{"values": [1]}"#)])
+    mcap(
+        &folder.join("demo.mcap"),
+        &[image, told(1, r#"{"values": [1]}"#)],
+    )
 }
 
 /// The header of a PNG that claims a size, with no pixels behind it.
@@ -123,7 +126,7 @@ const MCAP_CASES: &[Case] = &[
     ("folder without recordings", Path::to_owned),
     ("empty file", |f| raw_bytes(f, b"")),
     ("text instead of MCAP", |f| raw_bytes(f, b"task: cup")),
-    ("only the magic number", |f| raw_bytes(f, &mcap::MAGIC[..])),
+    ("only the magic number", |f| raw_bytes(f, mcap::MAGIC)),
     ("cut off in the first record", |f| {
         let path = with_action(f, "{}");
         let bytes = fs::read(&path).expect("a file");
@@ -134,26 +137,50 @@ const MCAP_CASES: &[Case] = &[
         let bytes = fs::read(from).expect("a file");
         raw_bytes(f, &bytes[..bytes.len() / 2])
     }),
-    ("no images", |f| mcap(&f.join("demo.mcap"), &[told(1, r#"{"values": [1]}"#)])),
+    ("no images", |f| {
+        mcap(&f.join("demo.mcap"), &[told(1, r#"{"values": [1]}"#)])
+    }),
     ("no actions", |f| mcap(&f.join("demo.mcap"), &[shown(1)])),
     ("actions before the first image", |f| {
-        mcap(&f.join("demo.mcap"), &[told(1, r#"{"values": [1]}"#), shown(2)])
+        mcap(
+            &f.join("demo.mcap"),
+            &[told(1, r#"{"values": [1]}"#), shown(2)],
+        )
     }),
-    ("action is no JSON", |f| with_action(f, r#"{"values": [1, "#)),
-    ("action without values", |f| with_action(f, r#"{"speed": 3}"#)),
-    ("action is not finite as a 32-bit float", |f| with_action(f, r#"{"values": [0, 1e300]}"#)),
-    ("action with another number of values", |f| with_action(f, r#"{"values": [1, 2, 3]}"#)),
-    ("primitive among values", |f| with_action(f, r#"{"index": 3}"#)),
+    ("action is no JSON", |f| {
+        with_action(f, r#"{"values": [1, "#)
+    }),
+    ("action without values", |f| {
+        with_action(f, r#"{"speed": 3}"#)
+    }),
+    ("action is not finite as a 32-bit float", |f| {
+        with_action(f, r#"{"values": [0, 1e300]}"#)
+    }),
+    ("action with another number of values", |f| {
+        with_action(f, r#"{"values": [1, 2, 3]}"#)
+    }),
+    ("primitive among values", |f| {
+        with_action(f, r#"{"index": 3}"#)
+    }),
     ("image is no picture", |f| with_image(f, b"not a picture")),
-    ("image claims 65535x65535 pixels", |f| with_image(f, &lying_png())),
+    ("image claims 65535x65535 pixels", |f| {
+        with_image(f, &lying_png())
+    }),
     ("images of two sizes", |f| {
         let small = (IMAGES, 100, image_message(&png(2, 2)));
         let act = |t| told(t, r#"{"values": [1]}"#);
         mcap(&f.join("demo.mcap"), &[shown(1), act(2), small, act(101)])
     }),
     ("images in an unknown packing", |f| {
-        let message = (("/camera/head", "sensor_msgs/msg/Image", "ros1"), 1, vec![0; 20]);
-        mcap(&f.join("demo.mcap"), &[message, told(1, r#"{"values": [1]}"#)])
+        let message = (
+            ("/camera/head", "sensor_msgs/msg/Image", "ros1"),
+            1,
+            vec![0; 20],
+        );
+        mcap(
+            &f.join("demo.mcap"),
+            &[message, told(1, r#"{"values": [1]}"#)],
+        )
     }),
     ("actions of a type that holds none", |f| {
         let message = (("/action", "nav_msgs/msg/Path", "cdr"), 2, vec![0; 20]);
@@ -180,36 +207,73 @@ fn mapping_text(folder: &Path, text: impl AsRef<[u8]>) -> PathBuf {
 }
 
 const MAPPING_CASES: &[Case] = &[
-    ("mapping: misspelled key", |f| mapping(f, "topcis: {action: /action}")),
-    ("mapping: misspelled inner key", |f| mapping(f, "actions: {bin: 3}")),
-    ("mapping: misspelled camera topic", |f| {
-        mapping(f, "topics:\n  cameras: {head: /camera/haed/image_raw/compressed}")
+    ("mapping: misspelled key", |f| {
+        mapping(f, "topcis: {action: /action}")
     }),
-    ("mapping: misspelled action topic", |f| mapping(f, "topics: {action: /actoin}")),
-    ("mapping: camera topic without images", |f| mapping(f, "topics: {cameras: {head: /joint_states}}")),
+    ("mapping: misspelled inner key", |f| {
+        mapping(f, "actions: {bin: 3}")
+    }),
+    ("mapping: misspelled camera topic", |f| {
+        mapping(
+            f,
+            "topics:\n  cameras: {head: /camera/haed/image_raw/compressed}",
+        )
+    }),
+    ("mapping: misspelled action topic", |f| {
+        mapping(f, "topics: {action: /actoin}")
+    }),
+    ("mapping: camera topic without images", |f| {
+        mapping(f, "topics: {cameras: {head: /joint_states}}")
+    }),
     ("mapping: action topic without actions", |f| {
         mapping(f, "topics: {action: /camera/head/image_raw/compressed}")
     }),
     ("mapping: one topic for two cameras", |f| {
-        mapping(f, "topics: {cameras: {a: /camera/head/image_raw/compressed, b: /camera/head/image_raw/compressed}}")
+        mapping(
+            f,
+            "topics: {cameras: {a: /camera/head/image_raw/compressed, b: /camera/head/image_raw/compressed}}",
+        )
     }),
     ("mapping: camera name with a slash", |f| {
-        mapping(f, "topics: {cameras: {a/b: /camera/head/image_raw/compressed}}")
+        mapping(
+            f,
+            "topics: {cameras: {a/b: /camera/head/image_raw/compressed}}",
+        )
     }),
-    ("mapping: no recordings", |f| mapping_text(f, "task: carrot\n")),
-    ("mapping: empty list of recordings", |f| mapping_text(f, "recordings: []\n")),
-    ("mapping: recordings that are not there", |f| mapping_text(f, "recordings: [carot.mcap]\n")),
-    ("mapping: names a mapping file", |f| mapping_text(f, "recordings: carrot.yaml\n")),
+    ("mapping: no recordings", |f| {
+        mapping_text(f, "task: carrot\n")
+    }),
+    ("mapping: empty list of recordings", |f| {
+        mapping_text(f, "recordings: []\n")
+    }),
+    ("mapping: recordings that are not there", |f| {
+        mapping_text(f, "recordings: [carot.mcap]\n")
+    }),
+    ("mapping: names a mapping file", |f| {
+        mapping_text(f, "recordings: carrot.yaml\n")
+    }),
     ("mapping: rate is a word", |f| mapping(f, "rate_hz: fast")),
     ("mapping: rate is 0", |f| mapping(f, "rate_hz: 0")),
-    ("mapping: rate is not finite", |f| mapping(f, "rate_hz: .nan")),
-    ("mapping: rate above that of the actions", |f| mapping(f, "rate_hz: 50")),
-    ("mapping: rate and every", |f| mapping(f, "rate_hz: 5\nevery: 2")),
+    ("mapping: rate is not finite", |f| {
+        mapping(f, "rate_hz: .nan")
+    }),
+    ("mapping: rate above that of the actions", |f| {
+        mapping(f, "rate_hz: 50")
+    }),
+    ("mapping: rate and every", |f| {
+        mapping(f, "rate_hz: 5\nevery: 2")
+    }),
     ("mapping: every is 0", |f| mapping(f, "every: 0")),
     ("mapping: every is negative", |f| mapping(f, "every: -3")),
-    ("mapping: image without height", |f| mapping(f, "image_size: {width: 64}")),
-    ("mapping: image of 0 rows", |f| mapping(f, "image_size: {height: 0, width: 64}")),
-    ("mapping: image of a million rows", |f| mapping(f, "image_size: {height: 1000000, width: 64}")),
+    ("mapping: image without height", |f| {
+        mapping(f, "image_size: {width: 64}")
+    }),
+    ("mapping: image of 0 rows", |f| {
+        mapping(f, "image_size: {height: 0, width: 64}")
+    }),
+    ("mapping: image of a million rows", |f| {
+        mapping(f, "image_size: {height: 1000000, width: 64}")
+    }),
     ("mapping: size of a camera that is none", |f| {
         mapping(
             f,
@@ -217,25 +281,46 @@ const MAPPING_CASES: &[Case] = &[
         )
     }),
     ("mapping: 0 bins", |f| mapping(f, "actions: {bins: 0}")),
-    ("mapping: a billion bins", |f| mapping(f, "actions: {dimensions: {x: {bins: 1000000000}}}")),
-    ("mapping: unknown spacing", |f| mapping(f, "actions: {spacing: logarithmic}")),
-    ("mapping: unknown dimension", |f| mapping(f, "actions: {dimensions: {griper: {bins: 2}}}")),
-    ("mapping: too few names", |f| mapping(f, "actions: {names: [x, y, z]}")),
-    ("mapping: a name twice", |f| mapping(f, "actions: {names: [x, y, z, x, p, q, g]}")),
-    ("mapping: keeps what is not there", |f| mapping(f, "actions: {keep: [x, yew]}")),
+    ("mapping: a billion bins", |f| {
+        mapping(f, "actions: {dimensions: {x: {bins: 1000000000}}}")
+    }),
+    ("mapping: unknown spacing", |f| {
+        mapping(f, "actions: {spacing: logarithmic}")
+    }),
+    ("mapping: unknown dimension", |f| {
+        mapping(f, "actions: {dimensions: {griper: {bins: 2}}}")
+    }),
+    ("mapping: too few names", |f| {
+        mapping(f, "actions: {names: [x, y, z]}")
+    }),
+    ("mapping: a name twice", |f| {
+        mapping(f, "actions: {names: [x, y, z, x, p, q, g]}")
+    }),
+    ("mapping: keeps what is not there", |f| {
+        mapping(f, "actions: {keep: [x, yew]}")
+    }),
     ("mapping: describes what it does not keep", |f| {
         mapping(f, "actions: {keep: [x], dimensions: {yaw: {bins: 3}}}")
     }),
-    ("mapping: empty range", |f| mapping(f, "actions: {dimensions: {x: {low: 1, high: 1}}}")),
-    ("mapping: range that is not finite", |f| mapping(f, "actions: {dimensions: {x: {low: -.inf}}}")),
+    ("mapping: empty range", |f| {
+        mapping(f, "actions: {dimensions: {x: {low: 1, high: 1}}}")
+    }),
+    ("mapping: range that is not finite", |f| {
+        mapping(f, "actions: {dimensions: {x: {low: -.inf}}}")
+    }),
     ("mapping: key twice", |f| mapping(f, "every: 2\nevery: 3")),
     ("mapping: no YAML", |f| mapping(f, "actions: {bins: 3")),
     ("mapping: a list", |f| mapping_text(f, "- carrot.mcap\n")),
     ("mapping: empty", |f| mapping_text(f, "")),
-    ("mapping: not UTF-8", |f| mapping_text(f, b"recordings: \xff\xfe\n")),
-    ("mapping: a megabyte", |f| mapping_text(f, "# much\n".repeat(150_000))),
+    ("mapping: not UTF-8", |f| {
+        mapping_text(f, b"recordings: \xff\xfe\n")
+    }),
+    ("mapping: a megabyte", |f| {
+        mapping_text(f, "# much\n".repeat(150_000))
+    }),
     ("mapping: aliases that explode", |f| {
-        let mut text = "recordings: carrot.mcap\na0: &a0 [x, x, x, x, x, x, x, x, x, x]\n".to_owned();
+        let mut text =
+            "recordings: carrot.mcap\na0: &a0 [x, x, x, x, x, x, x, x, x, x]\n".to_owned();
         for i in 1..12 {
             let alias = format!("*a{}, ", i - 1).repeat(10);
             writeln!(text, "a{i}: &a{i} [{alias}]").expect("a string");
@@ -301,8 +386,16 @@ fn change_table(path: &Path, change: impl FnOnce(&mut BTreeMap<String, ArrayRef>
 fn actions_with(value: f32) -> ArrayRef {
     let mut values = vec![0.5; 210];
     values[17] = value;
-    let item = Arc::new(Field::new_list_field(arrow::datatypes::DataType::Float32, true));
-    Arc::new(FixedSizeListArray::new(item, 7, Arc::new(Float32Array::from(values)), None))
+    let item = Arc::new(Field::new_list_field(
+        arrow::datatypes::DataType::Float32,
+        true,
+    ));
+    Arc::new(FixedSizeListArray::new(
+        item,
+        7,
+        Arc::new(Float32Array::from(values)),
+        None,
+    ))
 }
 
 fn with_file(folder: &Path, file: &str, bytes: &[u8]) -> PathBuf {
@@ -328,7 +421,8 @@ fn cut(folder: &Path, file: &str) -> PathBuf {
 fn version_two(folder: &Path, lines: &str) -> PathBuf {
     let root = with_info(folder, |info| {
         info["codebase_version"] = json!("v2.1");
-        info["data_path"] = json!("data/chunk-{episode_chunk:03d}/file-{episode_index:03d}.parquet");
+        info["data_path"] =
+            json!("data/chunk-{episode_chunk:03d}/file-{episode_index:03d}.parquet");
     });
     fs::write(root.join("meta/episodes.jsonl"), lines).expect("written");
     root
@@ -341,52 +435,92 @@ fn with_video(folder: &Path) -> PathBuf {
         info["video_path"] =
             json!("videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4");
     });
-    change_table(&root.join("meta/episodes/chunk-000/file-000.parquet"), |columns| {
-        let zero: ArrayRef = Arc::new(Int64Array::from(vec![0; 3]));
-        for name in ["chunk_index", "file_index", "from_timestamp"] {
-            let name = format!("videos/observation.images.head/{name}");
-            columns.insert(name, Arc::clone(&zero));
-        }
-    });
+    change_table(
+        &root.join("meta/episodes/chunk-000/file-000.parquet"),
+        |columns| {
+            let zero: ArrayRef = Arc::new(Int64Array::from(vec![0; 3]));
+            for name in ["chunk_index", "file_index", "from_timestamp"] {
+                let name = format!("videos/observation.images.head/{name}");
+                columns.insert(name, Arc::clone(&zero));
+            }
+        },
+    );
     root
 }
 
 const DATASET_CASES: &[Case] = &[
-    ("dataset: info is no JSON", |f| with_file(f, "meta/info.json", b"{\"fps\": 5,")),
-    ("dataset: info is not UTF-8", |f| with_file(f, "meta/info.json", b"{\"fps\": \xff}")),
+    ("dataset: info is no JSON", |f| {
+        with_file(f, "meta/info.json", b"{\"fps\": 5,")
+    }),
+    ("dataset: info is not UTF-8", |f| {
+        with_file(f, "meta/info.json", b"{\"fps\": \xff}")
+    }),
     ("dataset: info without fps", |f| {
         with_info(f, |i| {
             i.as_object_mut().expect("a map").remove("fps");
         })
     }),
-    ("dataset: fps is 0", |f| with_info(f, |i| i["fps"] = json!(0))),
-    ("dataset: fps is a text", |f| with_info(f, |i| i["fps"] = json!("5"))),
-    ("dataset: fps is a billion", |f| with_info(f, |i| i["fps"] = json!(1e9))),
-    ("dataset: version 1", |f| with_info(f, |i| i["codebase_version"] = json!("v1.6"))),
-    ("dataset: chunks of 0 files", |f| with_info(f, |i| i["chunks_size"] = json!(0))),
+    ("dataset: fps is 0", |f| {
+        with_info(f, |i| i["fps"] = json!(0))
+    }),
+    ("dataset: fps is a text", |f| {
+        with_info(f, |i| i["fps"] = json!("5"))
+    }),
+    ("dataset: fps is a billion", |f| {
+        with_info(f, |i| i["fps"] = json!(1e9))
+    }),
+    ("dataset: version 1", |f| {
+        with_info(f, |i| i["codebase_version"] = json!("v1.6"))
+    }),
+    ("dataset: chunks of 0 files", |f| {
+        with_info(f, |i| i["chunks_size"] = json!(0))
+    }),
     ("dataset: no actions", |f| {
         with_info(f, |i| {
-            i["features"].as_object_mut().expect("a map").remove("action");
+            i["features"]
+                .as_object_mut()
+                .expect("a map")
+                .remove("action");
         })
     }),
     ("dataset: no cameras", |f| {
-        with_info(f, |i| i["features"]["observation.images.head"]["dtype"] = json!("float32"))
+        with_info(f, |i| {
+            i["features"]["observation.images.head"]["dtype"] = json!("float32");
+        })
     }),
-    ("dataset: actions are texts", |f| with_info(f, |i| i["features"]["action"]["dtype"] = json!("string"))),
-    ("dataset: actions are matrices", |f| with_info(f, |i| i["features"]["action"]["shape"] = json!([7, 2]))),
-    ("dataset: actions of no value", |f| with_info(f, |i| i["features"]["action"]["shape"] = json!([0]))),
-    ("dataset: actions of another width", |f| with_info(f, |i| i["features"]["action"]["shape"] = json!([6]))),
-    ("dataset: shape is negative", |f| with_info(f, |i| i["features"]["action"]["shape"] = json!([-7]))),
+    ("dataset: actions are texts", |f| {
+        with_info(f, |i| i["features"]["action"]["dtype"] = json!("string"))
+    }),
+    ("dataset: actions are matrices", |f| {
+        with_info(f, |i| i["features"]["action"]["shape"] = json!([7, 2]))
+    }),
+    ("dataset: actions of no value", |f| {
+        with_info(f, |i| i["features"]["action"]["shape"] = json!([0]))
+    }),
+    ("dataset: actions of another width", |f| {
+        with_info(f, |i| i["features"]["action"]["shape"] = json!([6]))
+    }),
+    ("dataset: shape is negative", |f| {
+        with_info(f, |i| i["features"]["action"]["shape"] = json!([-7]))
+    }),
     ("dataset: path out of the dataset", |f| {
         with_info(f, |i| i["data_path"] = json!("../../{chunk_index}.parquet"))
     }),
-    ("dataset: path with an unknown name", |f| with_info(f, |i| i["data_path"] = json!("data/{chunk}.parquet"))),
-    ("dataset: episodes are missing", |f| without(f, "meta/episodes/chunk-000/file-000.parquet")),
-    ("dataset: episodes cut off", |f| cut(f, "meta/episodes/chunk-000/file-000.parquet")),
+    ("dataset: path with an unknown name", |f| {
+        with_info(f, |i| i["data_path"] = json!("data/{chunk}.parquet"))
+    }),
+    ("dataset: episodes are missing", |f| {
+        without(f, "meta/episodes/chunk-000/file-000.parquet")
+    }),
+    ("dataset: episodes cut off", |f| {
+        cut(f, "meta/episodes/chunk-000/file-000.parquet")
+    }),
     ("dataset: frames are missing", |f| without(f, DATA)),
     ("dataset: frames cut off", |f| cut(f, DATA)),
     ("dataset: frames are empty", |f| with_file(f, DATA, b"")),
-    ("dataset: frames are text", |f| with_file(f, DATA, b"PAR1 is how it begins, but this is text PAR1")),
+    ("dataset: frames are text", |f| {
+        with_file(f, DATA, b"PAR1 is how it begins, but this is text PAR1")
+    }),
     ("dataset: action is not a number", |f| {
         with_table(f, |c| {
             c.insert("action".to_owned(), actions_with(f32::NAN));
@@ -404,7 +538,10 @@ const DATASET_CASES: &[Case] = &[
     }),
     ("dataset: actions are texts in the table", |f| {
         with_table(f, |c| {
-            c.insert("action".to_owned(), Arc::new(StringArray::from(vec!["left"; 30])));
+            c.insert(
+                "action".to_owned(),
+                Arc::new(StringArray::from(vec!["left"; 30])),
+            );
         })
     }),
     ("dataset: time is not a number", |f| {
@@ -421,7 +558,10 @@ const DATASET_CASES: &[Case] = &[
     }),
     ("dataset: frames of other episodes", |f| {
         with_table(f, |c| {
-            c.insert("episode_index".to_owned(), Arc::new(Int64Array::from(vec![9; 30])));
+            c.insert(
+                "episode_index".to_owned(),
+                Arc::new(Int64Array::from(vec![9; 30])),
+            );
         })
     }),
     ("dataset: frames of an episode apart", |f| {
@@ -448,27 +588,43 @@ const DATASET_CASES: &[Case] = &[
             c.insert("observation.images.head".to_owned(), Arc::new(none));
         })
     }),
-    ("dataset: metadata of ours is broken", |f| with_file(f, "meta/catena.json", b"{\"episodes\": 3}")),
+    ("dataset: metadata of ours is broken", |f| {
+        with_file(f, "meta/catena.json", b"{\"episodes\": 3}")
+    }),
     ("dataset: metadata of ours says primitives", |f| {
         let root = dataset(f);
         let path = root.join("meta/catena.json");
         let mut ours: Value =
             serde_json::from_str(&fs::read_to_string(&path).expect("a file")).expect("JSON");
-        ours["action_space"] = json!({ "kind": "primitives", "names": ["a", "b", "c", "d", "e", "f", "g"] });
+        ours["action_space"] =
+            json!({ "kind": "primitives", "names": ["a", "b", "c", "d", "e", "f", "g"] });
         fs::write(path, ours.to_string()).expect("written");
         root
     }),
     ("dataset: a line of episodes is broken", |f| {
-        version_two(f, "{\"episode_index\": 0, \"length\": 10}\n{\"episode_index\": one}\n")
+        version_two(
+            f,
+            "{\"episode_index\": 0, \"length\": 10}\n{\"episode_index\": one}\n",
+        )
     }),
-    ("dataset: an episode twice", |f| version_two(f, &"{\"episode_index\": 0, \"length\": 10}\n".repeat(2))),
+    ("dataset: an episode twice", |f| {
+        version_two(f, &"{\"episode_index\": 0, \"length\": 10}\n".repeat(2))
+    }),
     ("dataset: no episodes", |f| version_two(f, "\n")),
-    ("dataset: more frames than said", |f| version_two(f, "{\"episode_index\": 0, \"length\": 4}\n")),
+    ("dataset: more frames than said", |f| {
+        version_two(f, "{\"episode_index\": 0, \"length\": 4}\n")
+    }),
     ("dataset: fewer frames than said", |f| {
-        version_two(f, "{\"episode_index\": 0, \"length\": 18000000000000000000}\n")
+        version_two(
+            f,
+            "{\"episode_index\": 0, \"length\": 18000000000000000000}\n",
+        )
     }),
     ("dataset: an episode of a huge number", |f| {
-        version_two(f, "{\"episode_index\": 18000000000000000000, \"length\": 4}\n")
+        version_two(
+            f,
+            "{\"episode_index\": 18000000000000000000, \"length\": 4}\n",
+        )
     }),
     ("dataset: the video is missing", with_video),
     ("dataset: mapping names a feature that is not there", |f| {
@@ -516,7 +672,9 @@ fn every_case_names_file_place_and_way_out() {
 #[cfg(target_os = "linux")]
 fn lying_sizes_take_no_memory() {
     let cases: &[Case] = &[
-        ("image claims 65535x65535 pixels", |f| with_image(f, &lying_png())),
+        ("image claims 65535x65535 pixels", |f| {
+            with_image(f, &lying_png())
+        }),
         ("a record claims 2^63 bytes", |f| {
             let mut bytes = mcap::MAGIC.to_vec();
             bytes.push(6);
@@ -525,7 +683,10 @@ fn lying_sizes_take_no_memory() {
             raw_bytes(f, &bytes)
         }),
         ("an episode of a huge number", |f| {
-            version_two(f, "{\"episode_index\": 0, \"length\": 18000000000000000000}\n")
+            version_two(
+                f,
+                "{\"episode_index\": 0, \"length\": 18000000000000000000}\n",
+            )
         }),
         ("a footer claims 2 GiB", |f| {
             let root = dataset(f);
@@ -540,14 +701,20 @@ fn lying_sizes_take_no_memory() {
     for (name, make) in cases {
         let folder = tempfile::tempdir().expect("a folder");
         let at = make(folder.path());
-        let command = format!("ulimit -v 2000000; exec {} convert \"$0\" --to mcap --out \"$1\"", env!("CARGO_BIN_EXE_catena"));
+        let command = format!(
+            "ulimit -v 2000000; exec {} convert \"$0\" --to mcap --out \"$1\"",
+            env!("CARGO_BIN_EXE_catena")
+        );
         let output = std::process::Command::new("sh")
             .args(["-c", &command, path(&at), path(&folder.path().join("out"))])
             .output()
             .expect("a shell");
         let said = text(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{name}: {said}");
-        assert!(said.starts_with("error: ") || said.starts_with("warning: "), "{name}: {said}");
+        assert!(
+            said.starts_with("error: ") || said.starts_with("warning: "),
+            "{name}: {said}"
+        );
     }
 }
 
@@ -559,13 +726,25 @@ fn a_video_without_ffmpeg_says_what_to_install() {
     fs::create_dir_all(video.parent().expect("a folder")).expect("made");
     fs::write(&video, b"no video").expect("written");
     let output = std::process::Command::new(env!("CARGO_BIN_EXE_catena"))
-        .args(["convert", path(&root), "--to", "mcap", "--out", path(&folder.path().join("out"))])
+        .args([
+            "convert",
+            path(&root),
+            "--to",
+            "mcap",
+            "--out",
+            path(&folder.path().join("out")),
+        ])
         .env("PATH", path(folder.path()))
         .output()
         .expect("the command starts");
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{said}");
-    for part in ["file-000.mp4", "camera 'head'", "no program `ffmpeg` on the PATH", "install ffmpeg"] {
+    for part in [
+        "file-000.mp4",
+        "camera 'head'",
+        "no program `ffmpeg` on the PATH",
+        "install ffmpeg",
+    ] {
         assert!(said.contains(part), "{part} is missing: {said}");
     }
 }
@@ -583,7 +762,10 @@ fn no_damage_makes_it_panic() {
     for (file, whole) in [
         (folder.path().join("carrot.mcap"), &mapping),
         (dataset.join(DATA), &dataset),
-        (dataset.join("meta/episodes/chunk-000/file-000.parquet"), &dataset),
+        (
+            dataset.join("meta/episodes/chunk-000/file-000.parquet"),
+            &dataset,
+        ),
         (dataset.join("meta/info.json"), &dataset),
     ] {
         let sound = fs::read(&file).expect("a file");
@@ -594,7 +776,11 @@ fn no_damage_makes_it_panic() {
                 bytes.truncate(rng.random_range(0..sound.len()));
             }
             // Footers are at the end, and say most.
-            let from = if rng.random_bool(0.5) { bytes.len().saturating_sub(3000) } else { 0 };
+            let from = if rng.random_bool(0.5) {
+                bytes.len().saturating_sub(3000)
+            } else {
+                0
+            };
             for _ in 0..rng.random_range(0..4) {
                 if from < bytes.len() {
                     let at = rng.random_range(from..bytes.len());

@@ -158,7 +158,11 @@ fn mapping_files_of_the_example_are_sound_and_stand_on_the_page() {
         assert_eq!((set.trajectories().len(), set.step_count()), (3, 30));
         assert_eq!((set.cameras()[0].height, set.cameras()[0].width), (48, 64));
     }
-    for file in ["carrot.yaml", "tasks/carrot.yaml", "tasks/sequences/cup_then_carrot.yaml"] {
+    for file in [
+        "carrot.yaml",
+        "tasks/carrot.yaml",
+        "tasks/sequences/cup_then_carrot.yaml",
+    ] {
         let text = fs::read_to_string(root().join("examples/bridge").join(file)).expect("the file");
         assert!(page.contains(&text), "the page shows another {file}");
     }
@@ -166,7 +170,12 @@ fn mapping_files_of_the_example_are_sound_and_stand_on_the_page() {
     while let Some(value) = open.pop() {
         let keys = value.get("properties").and_then(|p| p.as_object());
         for key in keys.into_iter().flat_map(|k| k.keys()) {
-            let is_named = [format!("{key}`"), format!(".{key}"), format!("{key}:"), format!("`{key}")];
+            let is_named = [
+                format!("{key}`"),
+                format!(".{key}"),
+                format!("{key}:"),
+                format!("`{key}"),
+            ];
             assert!(is_named.iter().any(|k| page.contains(k)), "{key}");
         }
         open.extend(value.as_object().into_iter().flat_map(|o| o.values()));

@@ -6,6 +6,7 @@ use super::episodes::{Episode, load_episodes};
 use super::info::{ACTION, Feature, Info, listed};
 use super::restored::Restored;
 use super::{INFO, StorageError, fault};
+use crate::storage::mapping::SaidOfTopic;
 use crate::storage::view::View;
 
 /// The metadata of a dataset.
@@ -79,8 +80,9 @@ impl Dataset {
     pub(super) fn cameras(&self, view: &View) -> Result<Vec<Camera<'_>>, StorageError> {
         let mapping = view.mapping.as_ref();
         let name = |key: &str| match mapping.map(|m| m.camera_of(key)) {
-            Some(Some(mapped)) => mapped.map(str::to_owned),
-            _ => Some(plain_name(key)),
+            Some(SaidOfTopic::Camera(name)) => Some(name.to_owned()),
+            Some(SaidOfTopic::NoCamera) => None,
+            Some(SaidOfTopic::Nothing) | None => Some(plain_name(key)),
         };
         let mut cameras: Vec<_> = self
             .info

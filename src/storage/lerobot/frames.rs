@@ -13,7 +13,8 @@ use arrow::datatypes::DataType;
 use arrow::record_batch::RecordBatch;
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{
-    ArrowReaderMetadata, ParquetRecordBatchReaderBuilder, RowSelection, RowSelector,
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder, RowSelection,
+    RowSelector,
 };
 
 use super::{StorageError, fault};
@@ -44,7 +45,7 @@ impl Table {
                 path: path.to_owned(),
             });
         }
-        let metadata = ArrowReaderMetadata::load(&file, Default::default())
+        let metadata = ArrowReaderMetadata::load(&file, ArrowReaderOptions::default())
             .map_err(|e| fault(path, format!("no Parquet table can be read: {e}")))?;
         let table = Self {
             path: path.to_owned(),
@@ -74,8 +75,7 @@ impl Table {
             let claims = group.total_byte_size();
             if group.num_rows() < 0
                 || stored as u64 > length
-                || claims > MAX_GROUP_BYTES
-                || claims < 0
+                || !(0..=MAX_GROUP_BYTES).contains(&claims)
             {
                 let reason = format!(
                     "its footer is damaged: row group {number} claims {} rows in {stored} bytes, {claims} unpacked, \

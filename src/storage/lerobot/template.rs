@@ -1,6 +1,7 @@
 //! The paths of a dataset's files, as `info.json` spells them: Python format strings such as
 //! `data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet`.
 
+use std::fmt::Write as _;
 use std::path::{Component, Path, PathBuf};
 
 /// What stands for a placeholder.
@@ -41,7 +42,8 @@ pub(super) fn filled(template: &str, values: &[(&str, Value)]) -> Result<PathBuf
             (_, Value::Number(value)) => {
                 let width = digits.trim_end_matches('d').parse().unwrap_or(0);
                 let width = usize::min(width, MAX_DIGITS);
-                text.push_str(&format!("{value:0width$}"));
+                // Writing to a string cannot fail.
+                let _ = write!(text, "{value:0width$}");
             }
         }
         rest = after;

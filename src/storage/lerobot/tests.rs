@@ -49,12 +49,25 @@ fn assert_same(before: &[Recording], after: &[Recording]) {
         assert_eq!(ours.markers, theirs.markers);
         assert_eq!(ours.steps.len(), theirs.steps.len());
         for (x, y) in ours.steps.iter().zip(&theirs.steps) {
-            assert!((x.time_secs - y.time_secs).abs() < 1e-6, "{} {}", x.time_secs, y.time_secs);
+            assert!(
+                (x.time_secs - y.time_secs).abs() < 1e-6,
+                "{} {}",
+                x.time_secs,
+                y.time_secs
+            );
             assert_eq!(x.action, y.action);
-            assert!(x.observation == y.observation, "other pixels at {} s", x.time_secs);
+            assert!(
+                x.observation == y.observation,
+                "other pixels at {} s",
+                x.time_secs
+            );
         }
         for key in ["robot", "seed", "success", "vary"] {
-            assert_eq!(a.report.metadata.get(key), b.report.metadata.get(key), "{key}");
+            assert_eq!(
+                a.report.metadata.get(key),
+                b.report.metadata.get(key),
+                "{key}"
+            );
         }
     }
 }
@@ -66,7 +79,10 @@ fn primitives_go_there_and_back_without_a_loss() {
     let (dataset, back) = (folder.path().join("dataset"), folder.path().join("back"));
     let before = all(&demos);
     let conversion = convert_to_lerobot(&open(&demos), &dataset, PictureFormat::Png).unwrap();
-    assert_eq!((conversion.episodes, conversion.steps, conversion.fps), (2, 16, Some(5)));
+    assert_eq!(
+        (conversion.episodes, conversion.steps, conversion.fps),
+        (2, 16, Some(5))
+    );
     assert!(conversion.lost.is_empty(), "{:?}", conversion.lost);
     let within = all(&dataset);
     assert_same(&before, &within);
@@ -91,10 +107,16 @@ fn real_episodes_go_there_and_back_without_a_loss() {
     let tasks = recordings.tasks();
     assert_eq!(tasks.len(), 2, "{tasks:?}");
     let (set, _) = recordings.demonstrations(&tasks[0]).unwrap();
-    assert_eq!((tasks[0].as_str(), set.trajectories().len()), ("put_carrot_on_plate", 3));
+    assert_eq!(
+        (tasks[0].as_str(), set.trajectories().len()),
+        ("put_carrot_on_plate", 3)
+    );
     let (same, _) = recordings.demonstrations("put carrot on plate").unwrap();
     assert_eq!(same.trajectories().len(), 3);
-    let error = recordings.demonstrations("put_carot").unwrap_err().to_string();
+    let error = recordings
+        .demonstrations("put_carot")
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("put_carrot_on_plate"), "{error}");
     convert_to_mcap(&recordings, &back, PictureFormat::Png).unwrap();
     let after = all(&back);
@@ -106,9 +128,13 @@ fn real_episodes_go_there_and_back_without_a_loss() {
         };
         let again = &after.iter().find(same).expect("it came back").trajectory;
         assert_eq!(again.action_space, t.action_space);
-        assert!(again.steps.iter().zip(&t.steps).all(|(a, b)| {
-            a.action == b.action && a.observation == b.observation
-        }));
+        assert!(
+            again
+                .steps
+                .iter()
+                .zip(&t.steps)
+                .all(|(a, b)| { a.action == b.action && a.observation == b.observation })
+        );
     }
 }
 
@@ -124,9 +150,16 @@ fn jpeg_is_smaller_and_said_to_lose_pixels() {
     };
     let (png, nothing) = size(PictureFormat::Png, "png");
     let (jpeg, pixels) = size(PictureFormat::Jpeg, "jpeg");
-    assert!(nothing.is_empty() && pixels[0].contains("JPEG"), "{pixels:?}");
+    assert!(
+        nothing.is_empty() && pixels[0].contains("JPEG"),
+        "{pixels:?}"
+    );
     assert!(jpeg * 2 < png, "{jpeg} {png}");
-    let error = convert_to_mcap(&open(&demos), &folder.path().join("png"), PictureFormat::Png);
+    let error = convert_to_mcap(
+        &open(&demos),
+        &folder.path().join("png"),
+        PictureFormat::Png,
+    );
     assert!(error.unwrap_err().to_string().contains("is there already"));
 }
 
@@ -137,15 +170,25 @@ fn recordings_that_differ_make_no_dataset_and_leave_nothing() {
     let mut other = trajectory(4);
     for step in &mut other.steps {
         let head = step.observation.image("head").unwrap().resized(9, 16);
-        step.observation = Arc::new(crate::trajectory::Observation::new([("head".to_owned(), head)]));
+        step.observation = Arc::new(crate::trajectory::Observation::new([(
+            "head".to_owned(),
+            head,
+        )]));
     }
     let metadata = RecordingMetadata::default();
     write_trajectory(&demos.join("c.mcap"), &other, &metadata).unwrap();
     let out = folder.path().join("dataset");
     let error = convert_to_lerobot(&open(&demos), &out, PictureFormat::Png).unwrap_err();
     let error = error.to_string();
-    assert!(error.contains("c.mcap") && error.contains("head 9x16"), "{error}");
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing but the recordings");
+    assert!(
+        error.contains("c.mcap") && error.contains("head 9x16"),
+        "{error}"
+    );
+    assert_eq!(
+        fs::read_dir(folder.path()).unwrap().count(),
+        1,
+        "nothing but the recordings"
+    );
 }
 
 /// The same dataset in version 2.1, without what only ours says.
@@ -153,8 +196,7 @@ fn as_version_two(three: &Path, two: &Path) {
     let text = fs::read_to_string(three.join("meta/info.json")).unwrap();
     let mut info: serde_json::Value = serde_json::from_str(&text).unwrap();
     info["codebase_version"] = "v2.1".into();
-    info["data_path"] =
-        "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet".into();
+    info["data_path"] = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet".into();
     fs::create_dir_all(two.join("meta")).unwrap();
     fs::create_dir_all(two.join("data/chunk-000")).unwrap();
     fs::write(two.join("meta/info.json"), info.to_string()).unwrap();
@@ -165,7 +207,8 @@ fn as_version_two(three: &Path, two: &Path) {
         let line = serde_json::json!({
             "episode_index": episode.index, "tasks": episode.tasks, "length": episode.length,
         });
-        lines.push_str(&format!("{line}\n"));
+        lines += &line.to_string();
+        lines.push('\n');
         // A file may hold the rows of others too; they are passed over.
         let name = format!("data/chunk-000/episode_{:06}.parquet", episode.index);
         fs::copy(&table, two.join(name)).unwrap();
@@ -196,7 +239,12 @@ fn version_two_reads_like_version_three() {
 fn primitives_without_our_metadata_are_columns() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = folder.path().join("dataset");
-    convert_to_lerobot(&open(&recorded(folder.path())), &dataset, PictureFormat::Jpeg).unwrap();
+    convert_to_lerobot(
+        &open(&recorded(folder.path())),
+        &dataset,
+        PictureFormat::Jpeg,
+    )
+    .unwrap();
     fs::remove_file(dataset.join("meta/catena.json")).unwrap();
     let Trajectory {
         action_space,
@@ -220,7 +268,7 @@ fn every_and_image_size_thin_out_a_dataset() {
             width: 48,
         }),
     };
-    let thin = Recordings::open(&[dataset.clone()], &options).unwrap();
+    let thin = Recordings::open(std::slice::from_ref(&dataset), &options).unwrap();
     let recording = thin.read().next().unwrap().unwrap();
     let whole = &all(&dataset)[0].trajectory;
     // Ten steps: 1, 5 and 9.
@@ -228,9 +276,15 @@ fn every_and_image_size_thin_out_a_dataset() {
     assert_eq!(kept.len(), 3);
     assert!((kept[2].time_secs - 1.6).abs() < 1e-9);
     assert_eq!(kept[2].action, whole.steps[9].action);
-    assert_eq!(kept[0].action, whole.steps[4].action, "the last of its four");
+    assert_eq!(
+        kept[0].action, whole.steps[4].action,
+        "the last of its four"
+    );
     let seen = whole.steps[5].observation.image("head").unwrap();
-    assert_eq!(kept[1].observation.image("head").unwrap(), &seen.resized(32, 48));
+    assert_eq!(
+        kept[1].observation.image("head").unwrap(),
+        &seen.resized(32, 48)
+    );
     assert!(recording.report.remarks[0].contains("3 of 10 actions"));
     assert_ne!(thin.digest().unwrap(), open(&dataset).digest().unwrap());
     let looked = thin.inspect().remove(0).unwrap();
@@ -244,7 +298,9 @@ fn missing_frames_leave_an_episode_out() {
     convert_to_lerobot(&open(&bridge()), &three, PictureFormat::Png).unwrap();
     as_version_two(&three, &two);
     let path = two.join("meta/episodes.jsonl");
-    let lines = fs::read_to_string(&path).unwrap().replacen("\"length\":10", "\"length\":12", 1);
+    let lines = fs::read_to_string(&path)
+        .unwrap()
+        .replacen("\"length\":10", "\"length\":12", 1);
     fs::write(&path, lines).unwrap();
     let recording = &all(&two)[0];
     assert_eq!(recording.report.losses, [Loss::MissingFrames { frames: 2 }]);

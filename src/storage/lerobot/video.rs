@@ -14,7 +14,7 @@ use crate::storage::pixels::{MAX_IMAGE_BYTES, MAX_SIDE_PIXELS};
 use crate::trajectory::Image;
 
 /// A video of which nothing comes for so long is given up.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 /// What is kept of the program's complaints.
 const COMPLAINT_BYTES: usize = 2000;
 
@@ -200,6 +200,7 @@ fn kill(child: &Mutex<Child>) {
 
 /// The start of a text, as one line; the rest is read and forgotten.
 fn kept_text(mut input: impl Read) -> String {
+    const SHOWN: usize = 300;
     let mut kept = Vec::new();
     let mut part = [0; 4096];
     while let Ok(count @ 1..) = input.read(&mut part) {
@@ -207,7 +208,6 @@ fn kept_text(mut input: impl Read) -> String {
         kept.extend_from_slice(&part[..room]);
     }
     let text = String::from_utf8_lossy(&kept).into_owned();
-    const SHOWN: usize = 300;
     let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
     line.chars().take(SHOWN).collect()
 }
@@ -265,7 +265,8 @@ mod tests {
         assert_eq!(next_picture(&mut input).unwrap(), None);
         let mut huge: &[u8] = b"P6\n60000 60000\n255\nxx";
         assert!(next_picture(&mut huge).is_err());
-        let mut endless: &[u8] = &[b'x'; 100_000];
+        let endless = vec![b'x'; 100_000];
+        let mut endless = endless.as_slice();
         assert!(next_picture(&mut endless).is_err());
     }
 }

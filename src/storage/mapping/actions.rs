@@ -38,13 +38,13 @@ impl ActionShape {
         }
         let mut combined = Vec::with_capacity(self.kept.len());
         for (place, combine) in &self.kept {
-            let values = actions.iter().filter_map(|action| match action {
+            let mut values = actions.iter().filter_map(|action| match action {
                 Action::Continuous(values) => values.get(*place).copied(),
                 Action::Primitive(_) => None,
             });
             combined.push(match combine {
-                Combine::Last => values.last()?,
-                Combine::First => values.into_iter().next()?,
+                Combine::Last => values.next_back()?,
+                Combine::First => values.next()?,
                 Combine::Sum => values.sum(),
                 Combine::Mean => values.sum::<f32>() / actions.len() as f32,
             });

@@ -42,12 +42,18 @@ actions:
     );
     assert_eq!(mapping.task(), "cup");
     assert_eq!((mapping.every(), mapping.rate_hz()), (Some(3), None));
-    assert_eq!(mapping.camera_of("/wrist/image"), Some(Some("wrist")));
-    assert_eq!(mapping.camera_of("/other"), Some(None));
+    assert_eq!(
+        mapping.camera_of("/wrist/image"),
+        SaidOfTopic::Camera("wrist")
+    );
+    assert_eq!(mapping.camera_of("/other"), SaidOfTopic::NoCamera);
     assert_eq!(mapping.image_size("wrist").map(|s| s.height), Some(64));
     assert_eq!(mapping.image_size("head").map(|s| s.width), Some(160));
     let binning = mapping.binning(21);
-    assert_eq!((binning.default.bins, binning.default.spacing), (11, Spacing::Quantiles));
+    assert_eq!(
+        (binning.default.bins, binning.default.spacing),
+        (11, Spacing::Quantiles)
+    );
     let gripper = binning.of("gripper");
     assert_eq!((gripper.bins, gripper.high), (2, Some(1.0)));
     assert_eq!(gripper.decoding, Decoding::Centre);
@@ -66,7 +72,7 @@ actions:
 fn what_is_not_said_is_left_as_it_is() {
     let mapping = sound("");
     assert_eq!(mapping.task(), "Cargo.toml");
-    assert_eq!(mapping.camera_of("/any"), None);
+    assert_eq!(mapping.camera_of("/any"), SaidOfTopic::Nothing);
     assert_eq!(mapping.binning(21), Binning::uniform(21));
     let space = names(&["x"]);
     assert_eq!(mapping.shape(Path::new("a"), &space).unwrap().space, space);
@@ -82,7 +88,10 @@ fn paths_are_relative_to_the_file() {
     assert_eq!(mapping.recordings, [folder.path().join("cup")]);
     fs::write(&path, "recordings: [cupp]\n").unwrap();
     let error = Mapping::load(&path).unwrap_err().to_string();
-    assert!(error.contains("cup.yaml:1:13") && error.contains("cupp"), "{error}");
+    assert!(
+        error.contains("cup.yaml:1:13") && error.contains("cupp"),
+        "{error}"
+    );
 }
 
 #[test]
