@@ -4,6 +4,7 @@
 mod arguments;
 mod bench;
 mod compose;
+mod convert;
 mod demos;
 mod error;
 mod evaluate;
@@ -35,6 +36,7 @@ pub fn main() -> ExitCode {
     let done = match &arguments.command {
         Command::Record(a) => record::record(a),
         Command::Demos(a) => demos::demos(a),
+        Command::Convert(a) => convert::convert(a),
         Command::Train(a) => train::train(a),
         Command::Graph(a) => graph::graph(a, &arguments),
         Command::Compose(a) => compose::compose(a, &arguments),

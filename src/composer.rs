@@ -20,7 +20,6 @@ mod composition_spec;
 mod diagnostic;
 mod diagnostics;
 mod environment_config;
-mod nearest;
 mod order_spec;
 mod planner_spec;
 mod reader;

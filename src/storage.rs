@@ -1,5 +1,5 @@
-//! Files: demonstrations as MCAP recordings, graphs as folders of Parquet tables, digests that say
-//! which belong together.
+//! Files: demonstrations as MCAP recordings and LeRobot datasets, graphs as folders of Parquet tables,
+//! digests that say which belong together.
 //!
 //! Whatever is written is written beside its place and renamed, so a killed process leaves either
 //! the old file or the new one. Whatever is read is checked: chunk checksums of recordings, SHA-256
@@ -9,6 +9,7 @@ mod action_message;
 mod align;
 mod build_folder;
 mod cdr;
+mod convert;
 mod decode;
 mod demonstrations;
 mod digest;
@@ -20,19 +21,26 @@ mod fixtures;
 mod graph_folder;
 mod graph_images;
 mod layout;
+mod lerobot;
 mod manifest;
+mod mapping;
 mod messages;
+mod nearest;
 mod pixels;
 mod recording;
+mod recordings;
 mod replace;
 mod report;
 mod salvage;
 mod scan;
 mod schemas;
+mod steps;
 mod tables;
 mod topic;
+mod view;
 
 pub use build_folder::BuildFolder;
+pub use convert::{Conversion, PictureFormat, convert_to_lerobot, convert_to_mcap};
 pub use demonstrations::{demonstrations_digest, load_demonstrations, recording_files};
 pub use digest::sha256_file;
 pub use episode::{EpisodeWriter, RecordingMetadata, write_trajectory};
@@ -40,6 +48,9 @@ pub use error::StorageError;
 pub use graph_folder::{load_graph, load_manifest, save_graph, save_graph_with_images};
 pub use graph_images::{GraphImage, GraphImages};
 pub use manifest::{FileDigest, GraphManifest, GraphTask, ensure_same_model};
+pub(crate) use nearest::nearest;
 pub use recording::{Recording, inspect, read_trajectory};
+pub use recordings::Recordings;
 pub use replace::write_file;
 pub use report::{ActionReport, CameraReport, Loss, RecordingReport, TopicReport};
+pub use view::{ImageSize, ReadOptions};

@@ -3,12 +3,14 @@
 //! The lowest room of the house: it knows neither files nor networks.
 
 mod action;
+mod binning;
 mod demonstration;
 mod error;
 mod image;
 mod observation;
 
-pub use action::{Action, ActionDimension, ActionSpace};
+pub use action::{Action, ActionSpace};
+pub use binning::{ActionDimension, Binning, Decoding, DimensionBinning, Spacing};
 pub use demonstration::{DemonstrationSet, Marker, Step, Trajectory};
 pub use error::TrajectoryError;
 pub use image::{CameraSpec, Image};

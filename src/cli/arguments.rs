@@ -3,6 +3,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::storage::ImageSize;
+
 /// Chains robot behaviour out of demonstrations of single tasks.
 #[derive(Debug, Parser)]
 #[command(name = "catena", version, about, max_term_width = 100)]
@@ -25,6 +27,8 @@ pub enum Command {
     Record(RecordArguments),
     /// Say what is in recordings: topics, cameras, steps, actions, and what was lost.
     Demos(DemosArguments),
+    /// Write recordings as a LeRobot dataset, or as MCAP files.
+    Convert(ConvertArguments),
     /// Train a model on demonstrations and export it as ONNX.
     Train(TrainArguments),
     /// Build, merge and look at topological graphs.
@@ -69,21 +73,54 @@ pub struct RecordArguments {
     pub vary: bool,
 }
 
+/// How recordings are read; goes before what a mapping file says.
+#[derive(Debug, Args)]
+pub struct ReadArguments {
+    /// Take a step every so many actions, counted from the last, of continuous actions.
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub every: Option<u32>,
+    /// Stretch or squeeze the images of all cameras to this size.
+    #[arg(long, value_name = "HEIGHTxWIDTH")]
+    pub image_size: Option<ImageSize>,
+}
+
 /// `catena demos`
 #[derive(Debug, Args)]
 pub struct DemosArguments {
-    /// MCAP files, or folders of them.
+    /// MCAP files, LeRobot datasets, folders of them, or mapping files.
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
+    #[command(flatten)]
+    pub read: ReadArguments,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
 }
 
+/// `catena convert`
+#[derive(Debug, Args)]
+pub struct ConvertArguments {
+    /// MCAP files, LeRobot datasets, folders of them, or mapping files.
+    #[arg(required = true)]
+    pub paths: Vec<PathBuf>,
+    /// What to write: a LeRobot dataset of version 3.0, or an MCAP file an episode.
+    #[arg(long, value_enum)]
+    pub to: FormatArgument,
+    /// Where it goes: a folder that is not there yet.
+    #[arg(long)]
+    pub out: PathBuf,
+    /// How images are kept: every pixel as PNG, or as JPEG in a fraction of the space.
+    #[arg(long, value_enum, default_value_t = PicturesArgument::Png)]
+    pub images: PicturesArgument,
+    #[command(flatten)]
+    pub read: ReadArguments,
+}
+
 /// `catena train`
 #[derive(Debug, Args)]
 pub struct TrainArguments {
-    /// Folders of recordings, one a task.
+    /// Folders of recordings, LeRobot datasets or mapping files, one a task; a dataset of several tasks is
+    /// taken apart.
     #[arg(required = true)]
     pub demos: Vec<PathBuf>,
     /// Where the exported model goes.
@@ -107,9 +144,11 @@ pub struct TrainArguments {
     /// Stop after so many minutes and keep the best checkpoint.
     #[arg(long)]
     pub minutes: Option<f64>,
-    /// Bins of each dimension of continuous actions.
+    /// Bins of each dimension of continuous actions for which a mapping file does not say it.
     #[arg(long, default_value_t = 21)]
     pub bins: usize,
+    #[command(flatten)]
+    pub read: ReadArguments,
 }
 
 /// `catena graph ...`
@@ -148,6 +187,8 @@ pub struct GraphBuildArguments {
     /// probably connected, instead of all; 0.05 finds nearly all edges of the bedroom.
     #[arg(long)]
     pub nearest: Option<f64>,
+    #[command(flatten)]
+    pub read: ReadArguments,
 }
 
 /// `catena graph merge`
@@ -203,6 +244,8 @@ pub struct GraphLocaliseArguments {
     /// of all.
     #[arg(long)]
     pub nearest_states: Option<usize>,
+    #[command(flatten)]
+    pub read: ReadArguments,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
@@ -397,6 +440,24 @@ pub struct BenchArguments {
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// What recordings are converted to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FormatArgument {
+    /// A LeRobot dataset of version 3.0.
+    Lerobot,
+    /// An MCAP file an episode, in a folder a task.
+    Mcap,
+}
+
+/// How images are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PicturesArgument {
+    /// Every pixel.
+    Png,
+    /// Quality 92.
+    Jpeg,
 }
 
 /// Level of variation.

@@ -1,14 +1,13 @@
-use rayon::prelude::*;
-
 use super::arguments::DemosArguments;
 use super::error::CliError;
-use crate::storage::{inspect, recording_files};
+use super::loaded::read_options;
+use crate::storage::Recordings;
 
 /// `catena demos`: what is in recordings, one block each; those that cannot be read are named, and
 /// the others are still shown.
 pub(super) fn demos(arguments: &DemosArguments) -> Result<(), CliError> {
-    let files = recording_files(&arguments.paths)?;
-    let looked: Vec<_> = files.par_iter().map(|file| inspect(file)).collect();
+    let recordings = Recordings::open(&arguments.paths, &read_options(&arguments.read))?;
+    let looked = recordings.inspect();
     let failed = looked.iter().filter(|r| r.is_err()).count();
     if arguments.json {
         let reports: Vec<_> = looked.iter().filter_map(|r| r.as_ref().ok()).collect();
@@ -25,7 +24,7 @@ pub(super) fn demos(arguments: &DemosArguments) -> Result<(), CliError> {
         0 => Ok(()),
         _ => Err(CliError::RecordingsFailed {
             failed,
-            all: files.len(),
+            all: recordings.count(),
         }),
     }
 }

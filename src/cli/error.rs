@@ -89,6 +89,28 @@ pub(super) enum CliError {
         /// Folders that were given.
         found: usize,
     },
+    /// Two sets of demonstrations are of one task.
+    #[error(
+        "{} is of task '{task}', like one before it: name all recordings of a task in one mapping file, or keep \
+         them in one folder", path.display()
+    )]
+    TaskTwice {
+        /// The task.
+        task: String,
+        /// The second path.
+        path: PathBuf,
+    },
+    /// Two mapping files cut actions otherwise.
+    #[error(
+        "{} and {} cut actions into other bins: a model has one action space, so write the same under 'actions' \
+         in all mapping files", first.display(), other.display()
+    )]
+    BinningsDiffer {
+        /// The first path.
+        first: PathBuf,
+        /// The one that differs.
+        other: PathBuf,
+    },
     /// A training was begun there.
     #[error("{} holds a training already: go on with --resume, or name another folder with --run", run.display())]
     RunExists {

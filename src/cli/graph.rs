@@ -8,7 +8,8 @@ use super::arguments::{
 use super::error::CliError;
 use super::gaps::gaps;
 use super::loaded::{
-    GraphFolders, in_folder, merge_options, read_demonstrations, show as show_progress,
+    GraphFolders, in_folder, in_model_space, merge_options, read_demonstrations, read_options,
+    show as show_progress,
 };
 use super::localise::localise;
 use super::progress;
@@ -21,8 +22,7 @@ use crate::graph::{
 use crate::inference::Model;
 use crate::planner::{SuspectEdge, suspects};
 use crate::storage::{
-    BuildFolder, GraphImage, GraphManifest, demonstrations_digest, load_graph, load_manifest,
-    save_graph,
+    BuildFolder, GraphImage, GraphManifest, Recordings, load_graph, load_manifest, save_graph,
 };
 use crate::task::{Subgoal, Task, locate_subgoals};
 use crate::trajectory::DemonstrationSet;
@@ -85,7 +85,8 @@ fn build_graph(
         candidates: candidates(build_arguments.nearest)?,
         ..BuildOptions::default()
     };
-    let digest = demonstrations_digest(&paths)?;
+    let recordings = Recordings::open(&paths, &read_options(&build_arguments.read))?;
+    let digest = recordings.digest()?;
     if is_up_to_date(
         &out,
         &model.digest(),
@@ -102,7 +103,7 @@ fn build_graph(
         serde_json::to_value(&options)?,
     );
     let mut folder = BuildFolder::open(&out, &manifest, options.part_pairs)?;
-    let (set, _) = read_demonstrations(&paths, &task.task.name)?;
+    let (set, _) = read_demonstrations(&recordings, &task.task.name)?;
     let set = in_model_space(&set, &model)?;
     let bar = progress::bar("building", 0);
     let show = |p| show_progress(&bar, p);
@@ -180,15 +181,6 @@ fn is_up_to_date(
             && m.demonstrations_digest == demonstrations
             && m.build_options == *options
     })
-}
-
-/// The demonstrations with the model's action space, which has bins where the recordings have none.
-fn in_model_space(set: &DemonstrationSet, model: &Model) -> Result<DemonstrationSet, CliError> {
-    let mut trajectories = set.trajectories().to_vec();
-    for trajectory in &mut trajectories {
-        trajectory.action_space = model.manifest().spec.action_space.clone();
-    }
-    Ok(DemonstrationSet::new(set.task(), trajectories)?)
 }
 
 /// The pictures of every few states, and of those that reach a subgoal or end a demonstration.

@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use indicatif::ProgressBar;
 
-use super::arguments::{Arguments, EngineArgument};
+use super::arguments::{Arguments, EngineArgument, ReadArguments};
 use super::error::CliError;
 use super::progress;
 use crate::composer::{Calibration, Composition, ResolvedTask, compose_named};
@@ -15,7 +15,7 @@ use crate::planner::{Plan, Planner, PlannerOptions, Terms};
 use crate::rollout::{RolloutModel, RolloutOptions};
 use crate::simulator::BedroomConfig;
 use crate::storage::{
-    GraphImages, GraphManifest, RecordingReport, ensure_same_model, load_demonstrations,
+    GraphImages, GraphManifest, ReadOptions, RecordingReport, Recordings, ensure_same_model,
     load_graph, sha256_file,
 };
 use crate::trajectory::DemonstrationSet;
@@ -79,17 +79,42 @@ impl GraphFolders {
     }
 }
 
-/// The demonstrations of a task in folders, and what is to be said of each recording; what was lost of a
-/// damaged one is told.
+/// How recordings are to be read.
+pub(super) fn read_options(arguments: &ReadArguments) -> ReadOptions {
+    ReadOptions {
+        every: arguments.every.map(|every| every as usize),
+        image_size: arguments.image_size,
+    }
+}
+
+/// The demonstrations of a task, and what is to be said of each recording; what was lost of a damaged
+/// one is told.
 pub(super) fn read_demonstrations(
-    paths: &[PathBuf],
+    recordings: &Recordings,
     task: &str,
 ) -> Result<(DemonstrationSet, Vec<RecordingReport>), CliError> {
-    let (set, reports) = load_demonstrations(paths, task)?;
+    let (set, reports) = recordings.demonstrations(task)?;
     for report in reports.iter().filter(|r| !r.losses.is_empty()) {
         eprintln!("warning: {report}");
     }
     Ok((set, reports))
+}
+
+/// The demonstrations as a model takes them: with its action space, which has bins where the recordings have
+/// none, and with the images of its cameras in their size.
+pub(super) fn in_model_space(
+    set: &DemonstrationSet,
+    model: &Model,
+) -> Result<DemonstrationSet, CliError> {
+    let spec = &model.manifest().spec;
+    let mut trajectories = set.trajectories().to_vec();
+    for trajectory in &mut trajectories {
+        trajectory.action_space = spec.action_space.clone();
+        for step in &mut trajectory.steps {
+            step.observation = Arc::new(step.observation.fitted(&spec.cameras)?);
+        }
+    }
+    Ok(DemonstrationSet::new(set.task(), trajectories)?)
 }
 
 /// A composition with everything that planning and running it needs.

@@ -1,9 +1,10 @@
 use super::arguments::{Arguments, GraphLocaliseArguments};
 use super::error::CliError;
-use super::loaded::{Loaded, read_demonstrations};
+use super::loaded::{Loaded, in_model_space, read_demonstrations, read_options};
 use crate::composer::load_task;
 use crate::experiment::LocalisationScore;
 use crate::rollout::Monitor;
+use crate::storage::Recordings;
 use crate::task::locate_subgoals;
 
 /// `catena graph localise`: follows recordings that are not in a task's graph along it.
@@ -14,7 +15,9 @@ pub(super) fn localise(
     let task = load_task(&localise_arguments.task, &arguments.root)?;
     let loaded = Loaded::load(&localise_arguments.task.to_string_lossy(), arguments)?;
     let demos = std::slice::from_ref(&localise_arguments.demos);
-    let (set, _) = read_demonstrations(demos, &task.task.name)?;
+    let recordings = Recordings::open(demos, &read_options(&localise_arguments.read))?;
+    let (set, _) = read_demonstrations(&recordings, &task.task.name)?;
+    let set = in_model_space(&set, &loaded.model)?;
     let recordings = set
         .trajectories()
         .iter()

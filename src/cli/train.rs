@@ -5,13 +5,13 @@ use indicatif::ProgressBar;
 
 use super::arguments::TrainArguments;
 use super::error::CliError;
-use super::loaded::read_demonstrations;
+use super::loaded::{read_demonstrations, read_options};
 use super::progress;
-use crate::storage::demonstrations_digest;
+use crate::storage::{ReadOptions, Recordings};
 use crate::training::{
     Preset, TrainingConfig, TrainingEvent, TrainingObserver, export, train as fit,
 };
-use crate::trajectory::{Action, DemonstrationSet};
+use crate::trajectory::{ActionDimension, ActionSpace, Binning, DemonstrationSet};
 
 /// `catena train`: demonstrations to a model in a folder of ONNX files.
 pub(super) fn train(arguments: &TrainArguments) -> Result<(), CliError> {
@@ -23,12 +23,19 @@ pub(super) fn train(arguments: &TrainArguments) -> Result<(), CliError> {
     if !arguments.resume && run_folder.join(CHECKPOINT).exists() {
         return Err(CliError::RunExists { run: run_folder });
     }
-    let (sets, digests) = load_sets(&arguments.demos, arguments.bins)?;
+    let (sets, digests) = load_sets(
+        &arguments.demos,
+        arguments.bins,
+        &read_options(&arguments.read),
+    )?;
     println!(
-        "training on {} states of {} tasks; checkpoints and losses.csv in {}",
+        "training on {} states of {} tasks; checkpoints and losses.csv in {}{}",
         sets.iter().map(DemonstrationSet::step_count).sum::<usize>(),
         sets.len(),
         run_folder.display(),
+        sets.first()
+            .map(|s| describe_bins(s.action_space()))
+            .unwrap_or_default(),
     );
     let mut printer = Printer {
         bar: progress::bar("training", config.steps),
@@ -85,42 +92,64 @@ fn config(arguments: &TrainArguments) -> Result<TrainingConfig, CliError> {
     Ok(config)
 }
 
-/// Each folder as a set of its own, with its digest by its task's name. Continuous actions of all sets
-/// are binned together.
+/// Each path as a set of its own, or several of a dataset that has several tasks, with their digests by the
+/// tasks' names. Continuous actions of all sets are binned together.
 pub(super) fn load_sets(
-    folders: &[PathBuf],
+    paths: &[PathBuf],
     bins: usize,
+    options: &ReadOptions,
 ) -> Result<(Vec<DemonstrationSet>, BTreeMap<String, String>), CliError> {
     let mut sets = Vec::new();
     let mut digests = BTreeMap::new();
-    for folder in folders {
-        let task = folder
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
-        let paths = [folder.clone()];
-        let (set, _) = read_demonstrations(&paths, &task)?;
-        digests.insert(task, demonstrations_digest(&paths)?);
-        sets.push(set);
+    let mut binning: Option<(&Path, Binning)> = None;
+    for path in paths {
+        let recordings = Recordings::open(std::slice::from_ref(path), options)?;
+        let digest = recordings.digest()?;
+        for task in recordings.tasks() {
+            let (set, _) = read_demonstrations(&recordings, &task)?;
+            if digests.insert(task.clone(), digest.clone()).is_some() {
+                return Err(CliError::TaskTwice {
+                    task,
+                    path: path.clone(),
+                });
+            }
+            sets.push(set);
+        }
+        let own = recordings.binning(bins);
+        match &binning {
+            Some((first, other)) if *other != own => {
+                return Err(CliError::BinningsDiffer {
+                    first: first.to_path_buf(),
+                    other: path.clone(),
+                });
+            }
+            _ => binning = Some((path, own)),
+        }
     }
-    Ok((binned(sets, bins)?, digests))
+    let binning = binning.map_or_else(|| Binning::uniform(bins), |(_, binning)| binning);
+    Ok((binned(sets, &binning)?, digests))
 }
 
-fn binned(sets: Vec<DemonstrationSet>, bins: usize) -> Result<Vec<DemonstrationSet>, CliError> {
+fn binned(
+    sets: Vec<DemonstrationSet>,
+    binning: &Binning,
+) -> Result<Vec<DemonstrationSet>, CliError> {
     let Some(first) = sets.first() else {
         return Ok(sets);
     };
-    let actions: Vec<Action> = sets
+    let actions = sets
         .iter()
         .flat_map(DemonstrationSet::trajectories)
-        .flat_map(|t| t.steps.iter().map(|s| s.action.clone()))
-        .collect();
-    let space = first.action_space().binned(actions.iter(), bins);
+        .flat_map(|t| t.steps.iter().map(|s| &s.action));
+    let space = first.action_space().binned_by(actions, binning)?;
     if space == *first.action_space() {
         return Ok(sets);
     }
     let rebinned = sets.iter().map(|set| {
+        if set.action_space() != first.action_space() {
+            // Told by the training, with the names of both sets.
+            return Ok(set.clone());
+        }
         let mut trajectories = set.trajectories().to_vec();
         for trajectory in &mut trajectories {
             trajectory.action_space = space.clone();
@@ -128,6 +157,25 @@ fn binned(sets: Vec<DemonstrationSet>, bins: usize) -> Result<Vec<DemonstrationS
         DemonstrationSet::new(set.task(), trajectories)
     });
     Ok(rebinned.collect::<Result<_, _>>()?)
+}
+
+/// How each dimension of binned actions is cut, a line each.
+fn describe_bins(space: &ActionSpace) -> String {
+    let ActionSpace::Binned { dimensions } = space else {
+        return String::new();
+    };
+    let line = |d: &ActionDimension| {
+        let spacing = if d.edges.is_empty() {
+            "equal"
+        } else {
+            "by quantiles"
+        };
+        format!(
+            "\n  {:<12} {:>3} bins, {spacing}, {} to {}",
+            d.name, d.bins, d.low, d.high
+        )
+    };
+    dimensions.iter().map(line).collect()
 }
 
 struct Printer {

@@ -12,6 +12,7 @@ use crate::composer::{Calibration, ResolvedTask, compose_named};
 use crate::experiment::{EdgeOptions, EdgeTrust, EdgeTrustInput, ExperimentError, Replay};
 use crate::graph::{BuildOptions, TopologicalGraph, build};
 use crate::inference::Model;
+use crate::storage::{ReadOptions, Recordings};
 use crate::task::locate_subgoals;
 
 /// `catena graph trust`: builds graphs of recordings that the model has not seen, replays the recordings in the
@@ -72,7 +73,8 @@ fn replayed_graph(
     folder: &Path,
     model: &Model,
 ) -> Result<(TopologicalGraph, Vec<Replay>), CliError> {
-    let (set, reports) = read_demonstrations(&[folder.to_owned()], &task.task.name)?;
+    let recordings = Recordings::open(&[folder.to_owned()], &ReadOptions::default())?;
+    let (set, reports) = read_demonstrations(&recordings, &task.task.name)?;
     let kept: Vec<_> = reports.iter().filter(|r| r.left_out.is_none()).collect();
     let bar = progress::bar("replaying", kept.len() as u64);
     let replays: Vec<Replay> = set

@@ -4,9 +4,9 @@ use std::ops::{Range, RangeInclusive};
 use std::path::PathBuf;
 
 use super::diagnostic::{Diagnostic, Faults};
-use super::nearest::nearest;
 use super::source::{Located, Origin, Source};
 use super::yaml::{Entry, Node, Value};
+use crate::storage::nearest;
 
 /// Longest name of a task, a subgoal or a composition: they become parts of paths and of pictures.
 const MAX_NAME_CHARS: usize = 64;

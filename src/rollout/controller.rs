@@ -8,7 +8,7 @@ use super::{
 use crate::composer::OnShortcut;
 use crate::model::{ActionDistribution, Latents, ModelSpec};
 use crate::planner::{GoalChoice, Localisation, Planner, StageChange};
-use crate::trajectory::Observation;
+use crate::trajectory::{ActionSpace, Observation};
 
 /// Answers each observation of a robot with the action to take, until the composition is done: the loop
 /// without the robot, for programs that hold the robot themselves. [`Rollout`](super::Rollout) closes it
@@ -144,10 +144,13 @@ impl<'a> Controller<'a> {
             return Ok(Decision::over(EpisodeEnd::OutOfSteps, events, localisation));
         }
         let (distribution, classes) = self.choose(&latent, &localisation, &goal)?;
-        let action_space = &self.model.encoder.spec().action_space;
-        let action = action_space
-            .action(&classes)
-            .map_err(|source| RolloutError::Action { step, source })?;
+        let space = &self.model.encoder.spec().action_space;
+        // Of several heads none is ever ruled out, so each dimension may be decoded from all its bins.
+        let action = match space {
+            ActionSpace::Binned { .. } => space.decoded_action(&distribution.heads),
+            _ => space.action(&classes),
+        };
+        let action = action.map_err(|source| RolloutError::Action { step, source })?;
         let act_ms = watch.lap_ms();
         self.run.acted(classes, Arc::clone(&observation));
         Ok(Decision::Act(Box::new(StepRecord {

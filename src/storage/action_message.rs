@@ -116,7 +116,8 @@ fn checked_values(names: Vec<String>, values: Vec<f64>) -> Result<ActionMessage,
     if values.is_empty() {
         return Err("the action has no values".to_owned());
     }
-    match values.iter().position(|v| !v.is_finite()) {
+    // Actions are kept as 32-bit floats, which must be able to hold them.
+    match values.iter().position(|v| !(*v as f32).is_finite()) {
         Some(bad) => Err(format!("value {bad} of the action is {}", values[bad])),
         None => Ok(ActionMessage::Values { names, values }),
     }

@@ -33,6 +33,28 @@ pub(super) fn align(action_times: &[u64], image_times: &[Vec<u64>]) -> Alignment
     }
 }
 
+/// How many images a camera left out by its own rate, and its longest gap in nanoseconds: where two images
+/// lie nearly two of its usual intervals or more apart. `times` are in nanoseconds and sorted.
+pub(super) fn missing_images(times: &[u64]) -> Option<(u64, u64)> {
+    const FEWEST_IMAGES: usize = 6;
+    const LONG_INTERVALS: f64 = 1.8;
+    if times.len() < FEWEST_IMAGES {
+        return None;
+    }
+    let gaps: Vec<u64> = times.windows(2).map(|w| w[1] - w[0]).collect();
+    let mut sorted = gaps.clone();
+    sorted.sort_unstable();
+    let usual = sorted[sorted.len() / 2] as f64;
+    let long = gaps
+        .iter()
+        .filter(|gap| usual > 0.0 && **gap as f64 > LONG_INTERVALS * usual);
+    let missing: u64 = long
+        .clone()
+        .map(|gap| (*gap as f64 / usual).round() as u64 - 1)
+        .sum();
+    Some((missing, *long.max()?))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -42,6 +64,14 @@ mod tests {
         let alignment = align(&[5, 10, 20, 30], &[vec![10, 19, 21, 29], vec![0, 30]]);
         assert_eq!(alignment.first_action, 1);
         assert_eq!(alignment.images, [vec![0, 1, 3], vec![0, 0, 1]]);
+    }
+
+    #[test]
+    fn gaps_of_a_camera_are_counted_in_its_own_intervals() {
+        assert_eq!(missing_images(&[0, 10, 20, 31, 40, 50]), None);
+        assert_eq!(missing_images(&[0, 10, 20, 30, 60, 70, 90]), Some((3, 30)));
+        assert_eq!(missing_images(&[0, 500]), None);
+        assert_eq!(missing_images(&[5; 9]), None);
     }
 
     #[test]

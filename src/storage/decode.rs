@@ -15,6 +15,7 @@ use crate::trajectory::Image;
 /// The image of a message.
 pub(super) fn decode_image(format: ImageFormat, message: &[u8]) -> Result<Image, String> {
     match format {
+        ImageFormat::File => decode_compressed(message, "file"),
         ImageFormat::CompressedCdr => {
             let plain = without_compression(message)?;
             let image: CompressedImage = cdr::decode(&plain)?;

@@ -10,7 +10,7 @@ use mcap::{Compression, McapError, WriteOptions, Writer};
 use serde_json::{Value, json};
 
 use super::messages::{CompressedImage, Header, Time};
-use super::pixels::encode_jpeg;
+use super::pixels::{encode_jpeg, encode_png};
 use super::replace::Draft;
 use super::{StorageError, cdr, schemas};
 use crate::trajectory::{Action, ActionSpace, Marker, Step, Trajectory};
@@ -59,12 +59,7 @@ pub fn write_trajectory(
     metadata: &RecordingMetadata,
 ) -> Result<(), StorageError> {
     let mut writer = EpisodeWriter::create(path, &trajectory.task, &trajectory.action_space)?;
-    for (i, step) in trajectory.steps.iter().enumerate() {
-        writer.add_step(step)?;
-        for marker in trajectory.markers.iter().filter(|m| m.step == i) {
-            writer.add_marker(&marker.name)?;
-        }
-    }
+    writer.add_all(trajectory)?;
     writer.finish(metadata)
 }
 
@@ -87,6 +82,7 @@ pub struct EpisodeWriter {
     channels: HashMap<String, ChannelState>,
     steps: usize,
     nanos: u64,
+    keeps_pixels: bool,
 }
 
 struct ChannelState {
@@ -130,6 +126,7 @@ impl EpisodeWriter {
             channels: HashMap::new(),
             steps: 0,
             nanos: 0,
+            keeps_pixels: false,
         };
         episode.write_metadata(
             HEADER_RECORD,
@@ -144,6 +141,22 @@ impl EpisodeWriter {
         Ok(episode)
     }
 
+    /// Whether images of the steps to come are kept as PNG, which loses nothing, instead of JPEG.
+    pub(super) fn keep_every_pixel(&mut self, is_wanted: bool) {
+        self.keeps_pixels = is_wanted;
+    }
+
+    /// Adds all steps of a trajectory with their markers.
+    pub(super) fn add_all(&mut self, trajectory: &Trajectory) -> Result<(), StorageError> {
+        for (i, step) in trajectory.steps.iter().enumerate() {
+            self.add_step(step)?;
+            for marker in trajectory.markers.iter().filter(|m| m.step == i) {
+                self.add_marker(&marker.name)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Adds a step: an image of each camera, then the action.
     ///
     /// # Errors
@@ -153,14 +166,19 @@ impl EpisodeWriter {
         let nanos = self.nanos_of(step.time_secs)?;
         self.nanos = nanos;
         for (camera, image) in step.observation.iter() {
-            let data = encode_jpeg(image, JPEG_QUALITY)
-                .map_err(|e| self.failure(&format!("image of camera '{camera}': {e}")))?;
+            let (encoded, format) = if self.keeps_pixels {
+                (encode_png(image), "png")
+            } else {
+                (encode_jpeg(image, JPEG_QUALITY), "jpeg")
+            };
+            let data =
+                encoded.map_err(|e| self.failure(&format!("image of camera '{camera}': {e}")))?;
             let message = CompressedImage {
                 header: Header {
                     stamp: Time::from_nanos(nanos),
                     frame_id: camera.to_owned(),
                 },
-                format: "jpeg".to_owned(),
+                format: format.to_owned(),
                 data: &data,
             };
             let bytes = cdr::encode(&message, data.len() + 64).map_err(|e| self.failure(&e))?;

@@ -135,9 +135,75 @@ pub enum StorageError {
         /// The cameras.
         cameras: String,
     },
+    /// A mapping file is wrong, or does not fit a recording.
+    #[error("{path}{place}: {message}. {help}", path = path.display())]
+    Mapping {
+        /// The mapping file.
+        path: PathBuf,
+        /// `:line:column`, or empty where the file as a whole is meant.
+        place: String,
+        /// What is wrong.
+        message: String,
+        /// The way out.
+        help: String,
+    },
+    /// Several motion primitives cannot be one step.
+    #[error(
+        "{path}: its actions are motion primitives, each of which is a step; leave out --every, every and rate_hz",
+        path = path.display()
+    )]
+    PrimitivesThinned {
+        /// The recording.
+        path: PathBuf,
+    },
+    /// A LeRobot dataset does not hold what it should.
+    #[error("{path}: {reason}", path = path.display())]
+    Dataset {
+        /// The file of the dataset.
+        path: PathBuf,
+        /// Where in it, what is wrong, and the way out.
+        reason: String,
+    },
+    /// A video cannot be read.
+    #[error("{path}: camera '{camera}' is a video, and {reason}", path = path.display())]
+    Video {
+        /// The file.
+        path: PathBuf,
+        /// The camera.
+        camera: String,
+        /// What failed, and the way out.
+        reason: String,
+    },
+    /// A dataset holds several tasks, none of which is the one that was asked for.
+    #[error(
+        "there is no task '{task}' in {paths}; its tasks are {known}. Call the task as one of them is called"
+    )]
+    NoSuchTask {
+        /// What was asked for.
+        task: String,
+        /// What was looked at.
+        paths: String,
+        /// The tasks, by the names that work.
+        known: String,
+    },
+    /// What a conversion would write to is there.
+    #[error("{path} is there already: name a folder that is not, or remove it", path = path.display())]
+    OutExists {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Recordings cannot be written as one dataset.
+    #[error("{recording} cannot be part of the dataset: {reason}")]
+    Conversion {
+        /// The recording.
+        recording: String,
+        /// What does not fit, and the way out.
+        reason: String,
+    },
     /// None of the given paths is or holds a recording.
     #[error(
-        "no recordings (*.mcap) in {paths}: make some with `catena record`, or name their folder"
+        "no recordings in {paths}: make some with `catena record`, or name a folder of *.mcap files, a LeRobot \
+         dataset (a folder with meta/info.json), or a mapping file (*.yaml)"
     )]
     NoRecordings {
         /// The paths that were looked at.

@@ -8,12 +8,20 @@ use super::align::{Alignment, align};
 use super::decode::decode_image;
 use super::layout::CameraTopic;
 use super::scan::seconds_between;
+use super::topic::ImageFormat;
+use super::view::View;
 use super::{Loss, StorageError};
 use crate::trajectory::Image;
 
 /// The images of a camera, of which only those are decoded that a step needs.
 pub(super) struct Film<'a> {
-    camera: &'a CameraTopic<'a>,
+    camera: String,
+    /// Where they come from.
+    topic: String,
+    format: ImageFormat,
+    view: &'a View,
+    /// Rows and columns of the first image as recorded.
+    recorded_size: (u32, u32),
     frames: Vec<Frame<'a>>,
     undecodable: Vec<String>,
 }
@@ -21,25 +29,80 @@ pub(super) struct Film<'a> {
 struct Frame<'a> {
     nanos: u64,
     message: &'a [u8],
-    image: Option<Image>,
+    image: Option<Shown>,
+}
+
+/// An image in the size that is asked for.
+struct Shown {
+    image: Image,
+    recorded_size: (u32, u32),
 }
 
 impl<'a> Film<'a> {
-    pub fn new(camera: &'a CameraTopic<'a>) -> Self {
-        let frames = camera
-            .scan
-            .kept
-            .iter()
-            .map(|(nanos, message)| Frame {
-                nanos: *nanos,
-                message,
-                image: None,
-            })
-            .collect();
+    /// The film of a camera topic.
+    pub fn new(camera: &'a CameraTopic<'a>, view: &'a View) -> Self {
+        let messages = camera.scan.kept.iter();
+        Self::of_messages(
+            &camera.name,
+            &camera.scan.channel.topic,
+            (camera.format, camera.recorded_size),
+            view,
+            messages.map(|(nanos, message)| (*nanos, message.as_slice())),
+        )
+    }
+
+    /// A film of images that are still to be decoded, in order of time; `packing` is their format, and rows
+    /// and columns of the first.
+    pub fn of_messages(
+        camera: &str,
+        topic: &str,
+        packing: (ImageFormat, (u32, u32)),
+        view: &'a View,
+        messages: impl Iterator<Item = (u64, &'a [u8])>,
+    ) -> Self {
+        let frame = |(nanos, message)| Frame {
+            nanos,
+            message,
+            image: None,
+        };
         Self {
-            camera,
-            frames,
+            camera: camera.to_owned(),
+            topic: topic.to_owned(),
+            format: packing.0,
+            view,
+            recorded_size: packing.1,
+            frames: messages.map(frame).collect(),
             undecodable: Vec::new(),
+        }
+    }
+
+    /// A film of images that are decoded and sized already; `missing` says why others are not there.
+    pub fn of_images(
+        camera: &str,
+        topic: &str,
+        view: &'a View,
+        images: Vec<(u64, Image)>,
+        missing: Vec<String>,
+    ) -> Self {
+        let recorded_size = images
+            .first()
+            .map_or((0, 0), |(_, i)| (i.height(), i.width()));
+        let frame = |(nanos, image): (u64, Image)| Frame {
+            nanos,
+            message: &[],
+            image: Some(Shown {
+                recorded_size: (image.height(), image.width()),
+                image,
+            }),
+        };
+        Self {
+            camera: camera.to_owned(),
+            topic: topic.to_owned(),
+            format: ImageFormat::File,
+            view,
+            recorded_size,
+            frames: images.into_iter().map(frame).collect(),
+            undecodable: missing,
         }
     }
 
@@ -68,7 +131,7 @@ impl<'a> Film<'a> {
         for frame in needed {
             wanted[*frame] = true;
         }
-        let format = self.camera.format;
+        let (format, view, camera) = (self.format, self.view, self.camera.as_str());
         let failures: Vec<_> = self
             .frames
             .par_iter_mut()
@@ -79,7 +142,10 @@ impl<'a> Film<'a> {
                 }
                 match decode_image(format, frame.message) {
                     Ok(image) => {
-                        frame.image = Some(image);
+                        frame.image = Some(Shown {
+                            recorded_size: (image.height(), image.width()),
+                            image: view.sized(camera, image),
+                        });
                         None
                     }
                     Err(reason) => Some(reason),
@@ -95,32 +161,29 @@ impl<'a> Film<'a> {
 
     /// The camera's name.
     pub fn name(&self) -> &str {
-        &self.camera.name
+        &self.camera
     }
 
     /// A frame that [`develop`](Self::develop) found to be needed.
     pub fn image(&self, frame: usize) -> &Image {
-        self.frames[frame]
-            .image
-            .as_ref()
-            .expect("needed frames are decoded")
+        let sized = self.frames[frame].image.as_ref();
+        &sized.expect("needed frames are decoded").image
     }
 
     /// Checks that all decoded images have the size of the first.
     pub fn check_sizes(&self, path: &Path, start_nanos: u64) -> Result<(), StorageError> {
-        let size = |image: &Image| (image.height(), image.width());
-        let first = size(&self.camera.first);
+        let first = self.recorded_size;
         let other = self
             .frames
             .iter()
-            .filter_map(|f| Some((f.nanos, size(f.image.as_ref()?))))
+            .filter_map(|f| Some((f.nanos, f.image.as_ref()?.recorded_size)))
             .find(|(_, found)| *found != first);
         match other {
             None => Ok(()),
             Some((nanos, found)) => Err(StorageError::SizeChanges {
                 path: path.to_owned(),
-                camera: self.camera.name.clone(),
-                topic: self.camera.scan.channel.topic.clone(),
+                camera: self.camera.clone(),
+                topic: self.topic.clone(),
                 first,
                 other: found,
                 at_secs: seconds_between(start_nanos, nanos),
@@ -131,7 +194,7 @@ impl<'a> Film<'a> {
     /// What could not be decoded.
     pub fn loss(&self) -> Option<Loss> {
         Some(Loss::UndecodableImages {
-            topic: self.camera.scan.channel.topic.clone(),
+            topic: self.topic.clone(),
             images: self.undecodable.len(),
             reason: self.undecodable.first()?.clone(),
         })

@@ -3,19 +3,24 @@
 use std::path::Path;
 
 use super::action_message::{ActionFormat, ActionMessage, action, action_space};
-use super::align::align;
+use super::align::{align, missing_images};
 use super::decode::decode_image;
 use super::episode::{HEADER_RECORD, keys};
 use super::scan::{Scan, TopicScan};
-use super::topic::{ImageFormat, Role, camera_name};
+use super::steps::Steps;
+use super::topic::{ImageFormat, Role};
+use super::view::{View, typical_rate_hz};
 use super::{ActionReport, CameraReport, Loss, StorageError};
-use crate::trajectory::{Action, ActionSpace, CameraSpec, Image, Marker};
+use crate::trajectory::{Action, ActionSpace, CameraSpec, Marker};
 
 /// A camera topic whose first image can be decoded.
 pub(super) struct CameraTopic<'a> {
     pub name: String,
     pub format: ImageFormat,
-    pub first: Image,
+    /// Rows and columns of its first image.
+    pub recorded_size: (u32, u32),
+    /// Its size in the trajectory.
+    pub spec: CameraSpec,
     pub scan: &'a TopicScan,
 }
 
@@ -34,8 +39,8 @@ struct Unused {
 }
 
 /// The topics of a trajectory.
-#[derive(Default)]
 pub(super) struct Layout<'a> {
+    view: &'a View,
     /// By name.
     pub cameras: Vec<CameraTopic<'a>>,
     pub actions: Option<ActionTopic<'a>>,
@@ -43,8 +48,13 @@ pub(super) struct Layout<'a> {
 }
 
 impl<'a> Layout<'a> {
-    pub fn of(scan: &'a Scan) -> Self {
-        let mut layout = Self::default();
+    pub fn of(scan: &'a Scan, view: &'a View) -> Self {
+        let mut layout = Self {
+            view,
+            cameras: Vec::new(),
+            actions: None,
+            unused: Vec::new(),
+        };
         for topic in scan.topics.values() {
             match &topic.role {
                 Role::Camera(format) => layout.add_camera(*format, topic),
@@ -74,10 +84,18 @@ impl<'a> Layout<'a> {
             Ok(image) => image,
             Err(reason) => return self.leave(scan, true, &format!("its first image: {reason}")),
         };
+        let name = self.view.camera_name(&scan.channel.topic);
+        let recorded_size = (first.height(), first.width());
+        let sized = self.view.sized(&name, first);
         let camera = CameraTopic {
-            name: camera_name(&scan.channel.topic),
+            spec: CameraSpec {
+                name: name.clone(),
+                height: sized.height(),
+                width: sized.width(),
+            },
+            name,
             format,
-            first,
+            recorded_size,
             scan,
         };
         // One camera is often recorded twice, raw and compressed; the topic with more images is used.
@@ -176,33 +194,66 @@ impl<'a> Layout<'a> {
         names.join(", ")
     }
 
-    /// Number of steps and what is lost of the actions, judged by times alone.
-    pub fn steps(&self) -> (usize, Option<Loss>) {
+    /// The steps by times alone, and what becomes of the actions.
+    pub fn steps(&self, path: &Path) -> Result<Option<Steps>, StorageError> {
         let Some(actions) = self.actions.as_ref().filter(|_| !self.cameras.is_empty()) else {
-            return (0, None);
+            return Ok(None);
         };
-        let images: Vec<_> = self.cameras.iter().map(|c| c.scan.times()).collect();
+        let shape = self.view.shape(path, &actions.space)?;
         let times = actions.scan.times();
-        let first = align(&times, &images).first_action;
-        let loss = (first > 0).then_some(Loss::ActionsWithoutImages { actions: first });
-        (times.len() - first, loss)
+        let chosen = self.view.chosen(path, &shape.space, &times)?;
+        Ok(Some(Steps {
+            shape,
+            times,
+            chosen,
+        }))
     }
 
-    /// The markers, each at the first of the last `steps` actions at or after it.
-    pub fn markers(&self, scan: &Scan, steps: usize) -> Vec<Marker> {
-        let times = self
-            .actions
-            .as_ref()
-            .map(|a| a.scan.times())
-            .unwrap_or_default();
-        let times = &times[times.len() - steps..];
+    /// How many of the chosen actions come before the first image of every camera.
+    pub fn unseen(&self, steps: &Steps) -> usize {
+        let images: Vec<_> = self.cameras.iter().map(|c| c.scan.times()).collect();
+        align(&steps.chosen_times(), &images).first_action
+    }
+
+    /// What came out of order or not at all.
+    pub fn losses(&self) -> Vec<Loss> {
+        let scans = self.cameras.iter().map(|c| c.scan);
+        let disorder = scans
+            .clone()
+            .chain(self.actions.as_ref().map(|a| a.scan))
+            .filter_map(TopicScan::disorder);
+        let gaps = scans.filter_map(|scan| {
+            let (images, nanos) = missing_images(&scan.times())?;
+            Some(Loss::MissingImages {
+                topic: scan.channel.topic.clone(),
+                images,
+                longest_millis: nanos / 1_000_000,
+            })
+        });
+        disorder.chain(gaps).collect()
+    }
+
+    /// How steps were chosen, and which rates differ.
+    pub fn remarks(&self, steps: Option<&Steps>) -> Vec<String> {
+        let Some(steps) = steps else {
+            return Vec::new();
+        };
+        let rates = self
+            .cameras
+            .iter()
+            .filter_map(|c| Some((c.name.as_str(), typical_rate_hz(&c.scan.times())?)));
+        steps.remarks(rates)
+    }
+
+    /// The markers, each at the first step at or after it.
+    pub fn markers(scan: &Scan, step_times: &[u64]) -> Vec<Marker> {
         scan.markers()
             .into_iter()
             .map(|(nanos, name)| Marker {
-                step: times.partition_point(|t| *t < nanos),
+                step: step_times.partition_point(|t| *t < nanos),
                 name,
             })
-            .filter(|marker| marker.step < steps)
+            .filter(|marker| marker.step < step_times.len())
             .collect()
     }
 }
@@ -216,11 +267,7 @@ impl std::fmt::Display for Unused {
 impl CameraTopic<'_> {
     pub fn report(&self) -> CameraReport {
         CameraReport {
-            spec: CameraSpec {
-                name: self.name.clone(),
-                height: self.first.height(),
-                width: self.first.width(),
-            },
+            spec: self.spec.clone(),
             topic: self.scan.channel.topic.clone(),
             images: self.scan.messages,
         }
@@ -228,10 +275,11 @@ impl CameraTopic<'_> {
 }
 
 impl ActionTopic<'_> {
-    pub fn report(&self) -> ActionReport {
+    pub fn report(&self, steps: Option<&Steps>) -> ActionReport {
+        let space = steps.map_or(&self.space, |s| &s.shape.space);
         ActionReport {
             topic: self.scan.channel.topic.clone(),
-            space: self.space.clone(),
+            space: space.clone(),
         }
     }
 

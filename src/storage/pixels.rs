@@ -3,7 +3,8 @@
 use std::io::Cursor;
 
 use image::codecs::jpeg::JpegEncoder;
-use image::{ExtendedColorType, ImageReader};
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder as _, ImageReader, Limits};
 
 use crate::trajectory::Image;
 
@@ -21,11 +22,37 @@ pub(super) fn encode_jpeg(image: &Image, quality: u8) -> Result<Vec<u8>, String>
     Ok(bytes)
 }
 
+/// An image as PNG, which loses nothing.
+pub(super) fn encode_png(image: &Image) -> Result<Vec<u8>, String> {
+    let mut bytes = Vec::new();
+    PngEncoder::new(&mut bytes)
+        .write_image(
+            image.rgb(),
+            image.width(),
+            image.height(),
+            ExtendedColorType::Rgb8,
+        )
+        .map_err(|e| e.to_string())?;
+    Ok(bytes)
+}
+
+/// Longest side of a picture; cameras give less.
+pub(super) const MAX_SIDE_PIXELS: u32 = 16_384;
+/// Bytes of a decoded picture.
+pub(super) const MAX_IMAGE_BYTES: u64 = 256 << 20;
+
 /// Reads a JPEG or PNG, whatever its name says it is.
 pub(super) fn decode_compressed(bytes: &[u8], format: &str) -> Result<Image, String> {
-    let decoded = ImageReader::new(Cursor::new(bytes))
+    let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
-        .map_err(|e| e.to_string())?
+        .map_err(|e| e.to_string())?;
+    // A few damaged bytes can claim a picture that fits into no memory.
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE_PIXELS);
+    limits.max_image_height = Some(MAX_SIDE_PIXELS);
+    limits.max_alloc = Some(MAX_IMAGE_BYTES);
+    reader.limits(limits);
+    let decoded = reader
         .decode()
         .map_err(|e| {
             // Some decoders say it on several lines.

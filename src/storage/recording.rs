@@ -1,13 +1,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
 
 use super::episode::{EPISODE_RECORD, HEADER_RECORD, keys};
 use super::film::Film;
-use super::layout::{ActionTopic, CameraTopic, Layout};
-use super::scan::{Keep, Scan, TopicScan, seconds_between};
-use super::{RecordingReport, StorageError};
-use crate::trajectory::{Observation, Step, Trajectory};
+use super::layout::{CameraTopic, Layout};
+use super::scan::{Keep, Scan, TopicScan};
+use super::steps::Steps;
+use super::view::View;
+use super::{Loss, RecordingReport, StorageError};
+use crate::trajectory::Trajectory;
 
 /// A trajectory as recorded, and what the file holds besides.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,50 +36,33 @@ pub struct Recording {
 /// actions, or actions or images that do not fit together. It names the file, the topic and the
 /// reason.
 pub fn read_trajectory(path: &Path) -> Result<Recording, StorageError> {
-    let scan = Scan::of(path, Keep::AllImages)?;
-    let layout = Layout::of(&scan);
+    read_mcap(path, &View::default())
+}
+
+/// Reads an MCAP file as a mapping file and options say.
+pub(super) fn read_mcap(path: &Path, view: &View) -> Result<Recording, StorageError> {
+    let scan = Scan::of(path, Keep::AllImages, view)?;
+    check_topics(path, &scan, view)?;
+    let layout = Layout::of(&scan, view);
     let topic = layout.check(path, &scan)?;
     let actions = topic.actions(path)?;
-    let mut films: Vec<Film> = layout.cameras.iter().map(Film::new).collect();
-    let alignment = Film::develop(&mut films, &topic.scan.times());
-    let first = alignment.first_action;
-    if first == actions.len() {
-        return Err(StorageError::NoSteps {
-            path: path.to_owned(),
-            actions: actions.len(),
-            cameras: layout.camera_names(),
-        });
-    }
-    let times = &topic.scan.times()[first..];
-    let mut report = report(path, &scan, &layout);
-    for film in &films {
-        film.check_sizes(path, times[0])?;
-        report.losses.extend(film.loss());
-    }
-    let observation = |step: usize| {
-        Observation::new(
-            films
-                .iter()
-                .zip(&alignment.images)
-                .map(|(film, images)| (film.name().to_owned(), film.image(images[step]).clone())),
-        )
-    };
-    let steps = actions
-        .into_iter()
-        .skip(first)
-        .enumerate()
-        .map(|(step, action)| Step {
-            time_secs: seconds_between(times[0], times[step]),
-            observation: Arc::new(observation(step)),
-            action,
-        })
-        .collect();
+    let steps = layout.steps(path)?;
+    let mut report = report(path, &scan, &layout, steps.as_ref());
+    let steps = steps.ok_or_else(|| StorageError::NoSteps {
+        path: path.to_owned(),
+        actions: actions.len(),
+        cameras: layout.camera_names(),
+    })?;
+    let films = layout.cameras.iter().map(|c| Film::new(c, view)).collect();
+    let trajectory_steps = steps.trajectory_steps(path, &actions, films, &mut report)?;
+    // Undecodable images can take the first steps away, and their markers with them.
+    let kept = &steps.chosen_times()[steps.chosen.len() - trajectory_steps.len()..];
     let trajectory = Trajectory {
         id: stem(path),
         task: report.task.clone(),
-        action_space: topic.space.clone(),
-        steps,
-        markers: report.markers.clone(),
+        action_space: steps.shape.space,
+        markers: Layout::markers(&scan, kept),
+        steps: trajectory_steps,
     };
     Ok(Recording { trajectory, report })
 }
@@ -90,29 +74,52 @@ pub fn read_trajectory(path: &Path) -> Result<Recording, StorageError> {
 /// # Errors
 /// [`StorageError::Io`], [`StorageError::EmptyFile`] or [`StorageError::NotMcap`].
 pub fn inspect(path: &Path) -> Result<RecordingReport, StorageError> {
-    let scan = Scan::of(path, Keep::FirstImages)?;
-    Ok(report(path, &scan, &Layout::of(&scan)))
+    inspect_mcap(path, &View::default())
 }
 
-fn report(path: &Path, scan: &Scan, layout: &Layout) -> RecordingReport {
-    let (steps, unseen) = layout.steps();
+/// Says what is in an MCAP file as a mapping file and options have it read.
+pub(super) fn inspect_mcap(path: &Path, view: &View) -> Result<RecordingReport, StorageError> {
+    let scan = Scan::of(path, Keep::FirstImages, view)?;
+    check_topics(path, &scan, view)?;
+    let layout = Layout::of(&scan, view);
+    let steps = layout.steps(path)?;
+    Ok(report(path, &scan, &layout, steps.as_ref()))
+}
+
+fn check_topics(path: &Path, scan: &Scan, view: &View) -> Result<(), StorageError> {
+    let Some(mapping) = &view.mapping else {
+        return Ok(());
+    };
+    let topics: Vec<&str> = scan.topics.keys().map(String::as_str).collect();
+    mapping.check_topics(path, "topic", &topics)
+}
+
+fn report(path: &Path, scan: &Scan, layout: &Layout, steps: Option<&Steps>) -> RecordingReport {
+    let unseen = steps.map_or(0, |s| layout.unseen(s));
+    let step_times = steps.map(Steps::chosen_times).unwrap_or_default();
+    let step_times = &step_times[unseen..];
     let mut losses = scan.salvage.losses.clone();
-    losses.extend(unseen);
+    losses.extend(layout.losses());
+    if unseen > 0 {
+        losses.push(Loss::ActionsWithoutImages { actions: unseen });
+    }
     RecordingReport {
         path: path.to_owned(),
+        episode: None,
         bytes: scan.salvage.bytes,
         profile: scan.salvage.profile.clone(),
         library: scan.salvage.library.clone(),
         task: task_name(path, scan),
         duration_secs: scan.duration_secs(),
-        steps,
-        actions: layout.actions.as_ref().map(ActionTopic::report),
+        steps: step_times.len(),
+        actions: layout.actions.as_ref().map(|a| a.report(steps)),
         cameras: layout.cameras.iter().map(CameraTopic::report).collect(),
-        markers: layout.markers(scan, steps),
+        markers: Layout::markers(scan, step_times),
         topics: scan.topics.values().map(TopicScan::report).collect(),
         metadata: flat_metadata(scan),
         losses,
         notes: layout.notes(),
+        remarks: layout.remarks(steps),
         left_out: None,
     }
 }

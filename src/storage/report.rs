@@ -13,6 +13,8 @@ use crate::trajectory::{ActionSpace, CameraSpec, Marker};
 pub struct RecordingReport {
     /// The file.
     pub path: PathBuf,
+    /// Which episode of the dataset at `path`; `None` for a file with one episode.
+    pub episode: Option<usize>,
     /// Its size in bytes.
     pub bytes: u64,
     /// The profile in its header, such as `ros2`.
@@ -39,6 +41,8 @@ pub struct RecordingReport {
     pub losses: Vec<Loss>,
     /// What is there and not used, each with its reason.
     pub notes: Vec<String>,
+    /// How steps were chosen and aligned where that is not plain.
+    pub remarks: Vec<String>,
     /// Why the recording was left out of a set of demonstrations; `None` where it was not.
     pub left_out: Option<String>,
 }
@@ -139,6 +143,29 @@ pub enum Loss {
         /// Why the first of them cannot be decoded.
         reason: String,
     },
+    /// Messages with a time before that of a message before them; they are put in the order of their times.
+    TimesGoBack {
+        /// The topic, or the column of a table.
+        topic: String,
+        /// How many.
+        messages: usize,
+        /// How far back at most, in thousandths of a second.
+        by_millis: u64,
+    },
+    /// Frames that a dataset's metadata or their numbers promise.
+    MissingFrames {
+        /// How many.
+        frames: u64,
+    },
+    /// Images that a camera should have given by its own rate; steps show the image before the gap.
+    MissingImages {
+        /// The camera's topic.
+        topic: String,
+        /// How many.
+        images: u64,
+        /// The longest gap, in thousandths of a second.
+        longest_millis: u64,
+    },
     /// Actions before the first image of every camera.
     ActionsWithoutImages {
         /// How many.
@@ -153,7 +180,10 @@ impl Loss {
     pub fn breaks_the_sequence(&self) -> bool {
         !matches!(
             self,
-            Self::UndecodableImages { .. } | Self::ActionsWithoutImages { .. }
+            Self::UndecodableImages { .. }
+                | Self::ActionsWithoutImages { .. }
+                | Self::TimesGoBack { .. }
+                | Self::MissingImages { .. }
         )
     }
 }
@@ -207,6 +237,29 @@ impl fmt::Display for Loss {
                 images,
                 reason,
             } => write!(f, "{images} images of {topic}: {reason}"),
+            Self::TimesGoBack {
+                topic,
+                messages,
+                by_millis,
+            } => write!(
+                f,
+                "{messages} messages of {topic} are older than one before them, by up to {} s; \
+                 they were put in order of time",
+                *by_millis as f64 / 1e3
+            ),
+            Self::MissingFrames { frames } => {
+                write!(f, "{frames} frames of the episode are missing")
+            }
+            Self::MissingImages {
+                topic,
+                images,
+                longest_millis,
+            } => write!(
+                f,
+                "about {images} images of {topic} are missing by its own rate, the longest gap is {} s; \
+                 steps in a gap show the image before it",
+                *longest_millis as f64 / 1e3
+            ),
             Self::ActionsWithoutImages { actions } => {
                 write!(
                     f,
@@ -222,7 +275,7 @@ impl fmt::Display for RecordingReport {
         writeln!(
             f,
             "{}  {} kB, {:.1} s, written by {}",
-            self.path.display(),
+            self.place(),
             self.bytes.div_ceil(1000),
             self.duration_secs,
             self.library
@@ -230,7 +283,7 @@ impl fmt::Display for RecordingReport {
         writeln!(f, "  task      {}", self.task)?;
         match &self.actions {
             Some(a) => writeln!(f, "  steps     {} on {}: {}", self.steps, a.topic, a.space)?,
-            None => writeln!(f, "  steps     none: no actions on /action")?,
+            None => writeln!(f, "  steps     none: no actions were found")?,
         }
         for camera in &self.cameras {
             writeln!(
@@ -256,6 +309,9 @@ impl fmt::Display for RecordingReport {
         for note in &self.notes {
             writeln!(f, "  not used  {note}")?;
         }
+        for remark in &self.remarks {
+            writeln!(f, "  note      {remark}")?;
+        }
         for loss in &self.losses {
             writeln!(f, "  LOST      {loss}")?;
         }
@@ -267,6 +323,15 @@ impl fmt::Display for RecordingReport {
 }
 
 impl RecordingReport {
+    /// The file, or the dataset with the episode.
+    #[must_use]
+    pub fn place(&self) -> String {
+        match self.episode {
+            Some(episode) => format!("{} episode {episode}", self.path.display()),
+            None => self.path.display().to_string(),
+        }
+    }
+
     fn write_metadata(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         const SHOWN_CHARACTERS: usize = 60;
         for (key, value) in &self.metadata {

@@ -8,7 +8,8 @@ use serde::Deserialize;
 use super::decode::without_compression;
 use super::salvage::{Salvage, salvage};
 use super::topic::{Channel, Role};
-use super::{StorageError, TopicReport, cdr};
+use super::view::View;
+use super::{Loss, StorageError, TopicReport, cdr};
 
 /// Which images to keep in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,6 +31,10 @@ pub(super) struct TopicScan {
     pub bytes: u64,
     pub first_nanos: u64,
     pub last_nanos: u64,
+    /// Messages that are older than one before them.
+    late: usize,
+    /// By how much at most.
+    latest_nanos: u64,
     /// In order of time; empty for topics that play no part.
     pub kept: Vec<Stamped>,
 }
@@ -44,11 +49,14 @@ pub(super) struct Scan {
 
 impl Scan {
     /// Reads a file once.
-    pub fn of(path: &Path, keep: Keep) -> Result<Self, StorageError> {
+    pub fn of(path: &Path, keep: Keep, view: &View) -> Result<Self, StorageError> {
         let mut topics: BTreeMap<String, TopicScan> = BTreeMap::new();
         let salvage = salvage(path, |channel, nanos, data| {
             if !topics.contains_key(&channel.topic) {
-                topics.insert(channel.topic.clone(), TopicScan::new(channel, nanos));
+                topics.insert(
+                    channel.topic.clone(),
+                    TopicScan::new(channel, view.role(channel), nanos),
+                );
             }
             if let Some(topic) = topics.get_mut(&channel.topic) {
                 topic.take(keep, nanos, data);
@@ -96,14 +104,16 @@ impl Scan {
 }
 
 impl TopicScan {
-    fn new(channel: &Channel, nanos: u64) -> Self {
+    fn new(channel: &Channel, role: Role, nanos: u64) -> Self {
         Self {
             channel: channel.clone(),
-            role: channel.role(),
+            role,
             messages: 0,
             bytes: 0,
             first_nanos: nanos,
             last_nanos: nanos,
+            late: 0,
+            latest_nanos: 0,
             kept: Vec::new(),
         }
     }
@@ -111,6 +121,10 @@ impl TopicScan {
     fn take(&mut self, keep: Keep, nanos: u64, mut data: Vec<u8>) {
         self.messages += 1;
         self.bytes += data.len() as u64;
+        if nanos < self.last_nanos {
+            self.late += 1;
+            self.latest_nanos = self.latest_nanos.max(self.last_nanos - nanos);
+        }
         self.first_nanos = self.first_nanos.min(nanos);
         self.last_nanos = self.last_nanos.max(nanos);
         match self.role {
@@ -128,6 +142,16 @@ impl TopicScan {
     /// Log times of the kept messages.
     pub fn times(&self) -> Vec<u64> {
         self.kept.iter().map(|(nanos, _)| *nanos).collect()
+    }
+
+    /// Messages that came out of order, where the order matters.
+    pub fn disorder(&self) -> Option<Loss> {
+        let matters = matches!(self.role, Role::Camera(_) | Role::Action(_));
+        (matters && self.late > 0).then(|| Loss::TimesGoBack {
+            topic: self.channel.topic.clone(),
+            messages: self.late,
+            by_millis: self.latest_nanos / 1_000_000,
+        })
     }
 
     /// The topic in numbers.

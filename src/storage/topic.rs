@@ -13,6 +13,8 @@ pub(super) enum ImageFormat {
     CompressedFoxglove,
     /// `foxglove.RawImage` as protobuf.
     RawFoxglove,
+    /// The bytes of a JPEG or PNG file.
+    File,
 }
 
 /// What a topic means to a demonstration.
@@ -59,15 +61,22 @@ impl Channel {
             };
         }
         match last_segment(&self.topic) {
-            "action" => match ActionFormat::of(&type_name, encoding) {
-                Some(format) => Role::Action(format),
-                None => Role::UnreadableAction(format!(
-                    "type {type_name} encoded as '{encoding}' is not understood as an action"
-                )),
-            },
+            "action" => self.action_role(),
             "task" if encoding == "json" || type_name == "std_msgs/String" => Role::Task,
             "subgoal" if encoding == "json" || type_name == "std_msgs/String" => Role::Subgoal,
             _ => Role::Other,
+        }
+    }
+
+    /// What the channel is for if it holds actions.
+    pub fn action_role(&self) -> Role {
+        let type_name = self.type_name.replace("/msg/", "/");
+        match ActionFormat::of(&type_name, &self.encoding) {
+            Some(format) => Role::Action(format),
+            None => Role::UnreadableAction(format!(
+                "type {type_name} encoded as '{}' is not understood as an action",
+                self.encoding
+            )),
         }
     }
 }

@@ -2,7 +2,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::TrajectoryError;
+use super::{ActionDimension, TrajectoryError};
 
 /// What a robot did in one time step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -20,33 +20,6 @@ impl fmt::Display for Action {
             Self::Primitive(index) => write!(f, "primitive {index}"),
             Self::Continuous(values) => write!(f, "{values:?}"),
         }
-    }
-}
-
-/// One dimension of a binned action space: `bins` equal bins between `low` and `high`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ActionDimension {
-    /// What the dimension moves, such as `x` or `gripper`.
-    pub name: String,
-    /// Lower edge of the first bin.
-    pub low: f32,
-    /// Upper edge of the last bin.
-    pub high: f32,
-    /// Number of bins, at least 1.
-    pub bins: usize,
-}
-
-impl ActionDimension {
-    fn bin(&self, value: f32) -> usize {
-        let width = (self.high - self.low) / self.bins as f32;
-        if width <= 0.0 {
-            return 0;
-        }
-        (((value - self.low) / width).floor().max(0.0) as usize).min(self.bins - 1)
-    }
-
-    fn centre(&self, bin: usize) -> f32 {
-        self.low + (self.high - self.low) * (bin as f32 + 0.5) / self.bins as f32
     }
 }
 
@@ -220,34 +193,6 @@ impl ActionSpace {
             ),
             _ => Action::Primitive(classes[0]),
         })
-    }
-
-    /// The same space with `bins` equal bins over the range of each dimension of `actions`; spaces
-    /// that have classes already stay as they are.
-    #[must_use]
-    pub fn binned<'a>(&self, actions: impl Iterator<Item = &'a Action>, bins: usize) -> Self {
-        let Self::Continuous { names } = self else {
-            return self.clone();
-        };
-        let mut range = vec![(f32::INFINITY, f32::NEG_INFINITY); names.len()];
-        for action in actions {
-            if let Action::Continuous(values) = action {
-                for (r, v) in range.iter_mut().zip(values).filter(|(_, v)| v.is_finite()) {
-                    *r = (r.0.min(*v), r.1.max(*v));
-                }
-            }
-        }
-        let dimensions = names
-            .iter()
-            .zip(range)
-            .map(|(name, (low, high))| ActionDimension {
-                name: name.clone(),
-                low: if low.is_finite() { low } else { 0.0 },
-                high: if high.is_finite() { high } else { 0.0 },
-                bins: bins.max(1),
-            })
-            .collect();
-        Self::Binned { dimensions }
     }
 
     /// A printable name of an action: the primitive's name, or the values.

@@ -33,6 +33,14 @@ pub enum TrajectoryError {
         /// What does not fit.
         reason: String,
     },
+    /// A dimension that the action space does not have.
+    #[error("the actions have no dimension '{found}'; they have: {known}")]
+    UnknownDimension {
+        /// What was asked for.
+        found: String,
+        /// The dimensions, separated by commas.
+        known: String,
+    },
     /// Trajectories that were put into one set do not agree.
     #[error("trajectory '{trajectory}' has {found}, the others of the set have {expected}")]
     SetDisagrees {

@@ -1,8 +1,8 @@
 use std::fmt;
 use std::sync::Arc;
 
-use image::RgbImage;
-use image::imageops::{FilterType, resize};
+use image::imageops::{self, FilterType};
+use image::{ImageBuffer, Rgb};
 use serde::{Deserialize, Serialize};
 
 use super::TrajectoryError;
@@ -40,26 +40,6 @@ impl Image {
         Ok(Self { height, width, rgb })
     }
 
-    /// The image at another size, each pixel the mean of those that it covers, weighed by a triangle
-    /// (bilinear where it grows). An image that has the size already is shared.
-    ///
-    /// # Panics
-    /// Never: an image has as many pixels as it says.
-    #[must_use]
-    pub fn resized(&self, height: u32, width: u32) -> Self {
-        if (self.height, self.width) == (height, width) {
-            return self.clone();
-        }
-        let pixels = RgbImage::from_raw(self.width, self.height, self.rgb.to_vec());
-        let pixels = pixels.expect("an image has all its pixels");
-        let rgb = resize(&pixels, width, height, FilterType::Triangle).into_raw();
-        Self {
-            height,
-            width,
-            rgb: rgb.into(),
-        }
-    }
-
     /// Rows.
     #[must_use]
     pub fn height(&self) -> u32 {
@@ -70,6 +50,31 @@ impl Image {
     #[must_use]
     pub fn width(&self) -> u32 {
         self.width
+    }
+
+    /// The same picture as `height` rows of `width` pixels: all of it is stretched or squeezed, whatever
+    /// its shape, by bilinear interpolation that averages over what a pixel covers where it gets smaller
+    /// (a triangle filter). A picture of that size already is returned as it is.
+    ///
+    /// Recordings are resized by the same rule, so that what a robot sees is what its model was
+    /// trained on.
+    ///
+    /// # Panics
+    /// If a size is 0.
+    #[must_use]
+    pub fn resized(&self, height: u32, width: u32) -> Self {
+        assert!(height > 0 && width > 0, "a picture has pixels");
+        if (height, width) == (self.height, self.width) {
+            return self.clone();
+        }
+        let pixels = ImageBuffer::<Rgb<u8>, _>::from_raw(self.width, self.height, &self.rgb[..])
+            .expect("an image holds as many bytes as its size needs");
+        let rgb = imageops::resize(&pixels, width, height, FilterType::Triangle).into_raw();
+        Self {
+            height,
+            width,
+            rgb: rgb.into(),
+        }
     }
 
     /// All pixels, HWC.
@@ -94,4 +99,27 @@ pub struct CameraSpec {
     pub height: u32,
     /// Columns of its images.
     pub width: u32,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn resizing_averages_and_keeps_what_is_plain() {
+        let halves: Vec<u8> = (0..4 * 8)
+            .flat_map(|i| if i % 8 < 4 { [0; 3] } else { [200; 3] })
+            .collect();
+        let image = Image::new(4, 8, halves).unwrap();
+        let small = image.resized(2, 2);
+        assert_eq!((small.height(), small.width()), (2, 2));
+        assert!(
+            small.rgb()[0] < 40 && small.rgb()[3] > 160,
+            "{:?}",
+            small.rgb()
+        );
+        assert_eq!(image.resized(4, 8), image);
+        let grey = Image::new(3, 5, vec![77; 45]).unwrap();
+        assert!(grey.resized(7, 2).rgb().iter().all(|v| *v == 77));
+    }
 }

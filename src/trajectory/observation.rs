@@ -31,6 +31,22 @@ impl Observation {
             })
     }
 
+    /// The images of these cameras alone, each in the size of its camera by [`Image::resized`]: what a model
+    /// with these cameras sees.
+    ///
+    /// # Errors
+    /// [`TrajectoryError::CameraMissing`] when one of them is not there.
+    pub fn fitted(&self, cameras: &[CameraSpec]) -> Result<Self, TrajectoryError> {
+        let images = cameras.iter().map(|camera| {
+            let image = self.image(&camera.name)?;
+            Ok((
+                camera.name.clone(),
+                image.resized(camera.height, camera.width),
+            ))
+        });
+        images.collect::<Result<Vec<_>, _>>().map(Self::new)
+    }
+
     /// All cameras with their images, by name.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Image)> {
         self.images.iter().map(|(n, i)| (n.as_str(), i))

@@ -29,7 +29,7 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("mcap", &["storage"]),
     ("parquet", &["storage"]),
     ("arrow", &["storage"]),
-    ("serde_yaml", &["composer"]),
+    ("serde_yaml", &["composer", "storage"]),
     ("burn", &["training"]),
     ("ort", &["inference"]),
     ("ort_tract", &["inference"]),

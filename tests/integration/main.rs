@@ -1,6 +1,7 @@
 //! All integration tests in one binary, so that the dependencies are linked once.
 
 mod architecture;
+mod bad_input;
 mod broken_graphs;
 mod command;
 mod diagnostics;

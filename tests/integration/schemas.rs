@@ -7,6 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use catena::composer::compose;
+use catena::storage::{ReadOptions, Recordings};
 use serde_json::Value;
 
 use super::command::root;
@@ -138,6 +139,66 @@ fn shipped_files_and_examples_are_sound() {
     }
     for (name, text) in examples() {
         assert_eq!(judged(&text), Some(Ok(())), "{name}");
+    }
+}
+
+/// The page on one's own robot shows files of the example as they are, and names every key of a mapping file.
+#[test]
+fn mapping_files_of_the_example_are_sound_and_stand_on_the_page() {
+    let page = fs::read_to_string(root().join("docs/your-own-robot.md")).expect("the page");
+    let schema = schema("recordings");
+    for name in ["carrot", "cup"] {
+        let file = root().join(format!("examples/bridge/{name}.yaml"));
+        let value: Value =
+            serde_yaml::from_str(&fs::read_to_string(&file).expect("the file")).expect("YAML");
+        assert_eq!(fault(&schema, &value, &schema), None, "{name}");
+        let recordings = Recordings::open(&[file], &ReadOptions::default()).expect("it is sound");
+        assert_eq!(recordings.tasks(), [name]);
+        let (set, _) = recordings.demonstrations(name).expect("they are read");
+        assert_eq!((set.trajectories().len(), set.step_count()), (3, 30));
+        assert_eq!((set.cameras()[0].height, set.cameras()[0].width), (48, 64));
+    }
+    for file in [
+        "carrot.yaml",
+        "tasks/carrot.yaml",
+        "tasks/sequences/cup_then_carrot.yaml",
+    ] {
+        let text = fs::read_to_string(root().join("examples/bridge").join(file)).expect("the file");
+        assert!(page.contains(&text), "the page shows another {file}");
+    }
+    let mut open = vec![&schema];
+    while let Some(value) = open.pop() {
+        let keys = value.get("properties").and_then(|p| p.as_object());
+        for key in keys.into_iter().flat_map(|k| k.keys()) {
+            let is_named = [
+                format!("{key}`"),
+                format!(".{key}"),
+                format!("{key}:"),
+                format!("`{key}"),
+            ];
+            assert!(is_named.iter().any(|k| page.contains(k)), "{key}");
+        }
+        open.extend(value.as_object().into_iter().flat_map(|o| o.values()));
+        open.extend(value.as_array().into_iter().flatten());
+    }
+}
+
+/// What the schema refuses, the reader refuses.
+#[test]
+fn broken_mapping_files_are_refused_by_the_schema_too() {
+    let schema = schema("recordings");
+    for text in [
+        "recordings: []",
+        "task: cup",
+        "recordings: a\nevery: 0",
+        "recordings: a\nrate_hz: fast",
+        "recordings: a\ntopcis: {}",
+        "recordings: a\nactions: {spacing: log}",
+        "recordings: a\nactions: {bins: 0}",
+        "recordings: a\nimage_size: {height: 4}",
+    ] {
+        let value: Value = serde_yaml::from_str(text).expect("YAML");
+        assert!(fault(&schema, &value, &schema).is_some(), "{text}");
     }
 }
 

@@ -86,12 +86,7 @@ fn spec() -> ModelSpec {
         height,
         width: 3,
     };
-    let dimension = |name: &str, bins| ActionDimension {
-        name: name.to_owned(),
-        low: -1.0,
-        high: 1.0,
-        bins,
-    };
+    let dimension = |name: &str, bins| ActionDimension::uniform(name, -1.0, 1.0, bins);
     ModelSpec {
         cameras: vec![camera("head", 2), camera("wrist", 4)],
         stack: 2,

@@ -1,3 +1,5 @@
+mod rates;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 

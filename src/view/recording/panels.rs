@@ -165,12 +165,7 @@ mod tests {
 
     #[test]
     fn binned_actions_give_one_curve_a_dimension() {
-        let dimension = |name: &str, bins| ActionDimension {
-            name: name.to_owned(),
-            low: 0.0,
-            high: 1.0,
-            bins,
-        };
+        let dimension = |name: &str, bins| ActionDimension::uniform(name, 0.0, 1.0, bins);
         let space = ActionSpace::Binned {
             dimensions: vec![dimension("x", 2), dimension("grip", 3)],
         };

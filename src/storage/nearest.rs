@@ -2,7 +2,7 @@
 
 /// The candidate nearest to `word`, if any is near enough to be a likely slip: at most one edit in
 /// three letters, with a swap of neighbours counted as one edit. The first of equals wins.
-pub(super) fn nearest<'a>(
+pub(crate) fn nearest<'a>(
     word: &str,
     candidates: impl IntoIterator<Item = &'a str>,
 ) -> Option<&'a str> {

@@ -1,0 +1,146 @@
+//! A dataset that is open: its metadata, and what of it a view uses.
+
+use std::path::{Path, PathBuf};
+
+use super::episodes::{Episode, load_episodes};
+use super::info::{ACTION, Feature, Info, listed};
+use super::restored::Restored;
+use super::{INFO, StorageError, fault};
+use crate::storage::mapping::SaidOfTopic;
+use crate::storage::view::View;
+
+/// The metadata of a dataset.
+#[derive(Debug)]
+pub(in crate::storage) struct Dataset {
+    pub root: PathBuf,
+    pub(super) info: Info,
+    pub episodes: Vec<Episode>,
+    pub(super) restored: Option<Restored>,
+}
+
+/// A feature that is used as a camera.
+pub(super) struct Camera<'a> {
+    /// Its column, or the name of its videos.
+    pub key: &'a str,
+    /// What it is called.
+    pub name: String,
+    pub feature: &'a Feature,
+    pub is_video: bool,
+}
+
+impl Dataset {
+    /// Reads the metadata of a dataset.
+    pub fn open(root: &Path) -> Result<Self, StorageError> {
+        let info = Info::load(root)?;
+        Ok(Self {
+            root: root.to_owned(),
+            episodes: load_episodes(root, &info)?,
+            restored: Restored::load(root)?,
+            info,
+        })
+    }
+
+    /// All files that the episodes consist of, relative to the dataset, sorted.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let mut files: Vec<PathBuf> = self
+            .episodes
+            .iter()
+            .flat_map(|e| {
+                e.videos
+                    .values()
+                    .map(|v| v.path.clone())
+                    .chain([e.data.clone()])
+            })
+            .collect();
+        files.push(PathBuf::from(INFO));
+        let ours = super::restored::FILE;
+        if self.restored.is_some() {
+            files.push(PathBuf::from(ours));
+        }
+        files.sort();
+        files.dedup();
+        files
+    }
+
+    /// What an episode is called: as it was before it came into the dataset, if that is known.
+    pub fn episode_name(&self, number: usize) -> String {
+        let index = self.episodes[number].index;
+        let restored = self.restored.as_ref().and_then(|r| r.episode(index));
+        restored.map_or_else(|| format!("episode_{index:06}"), |r| r.id.clone())
+    }
+
+    /// What an episode's task is called.
+    pub fn task(&self, episode: &Episode) -> String {
+        let restored = self.restored.as_ref();
+        let ours = restored.and_then(|r| Some(r.episode(episode.index)?.task.clone()));
+        ours.unwrap_or_else(|| episode.tasks.join("; "))
+    }
+
+    /// The cameras that a view uses, by name.
+    pub(super) fn cameras(&self, view: &View) -> Result<Vec<Camera<'_>>, StorageError> {
+        let mapping = view.mapping.as_ref();
+        let name = |key: &str| match mapping.map(|m| m.camera_of(key)) {
+            Some(SaidOfTopic::Camera(name)) => Some(name.to_owned()),
+            Some(SaidOfTopic::NoCamera) => None,
+            Some(SaidOfTopic::Nothing) | None => Some(plain_name(key)),
+        };
+        let mut cameras: Vec<_> = self
+            .info
+            .cameras()
+            .filter_map(|(key, feature, is_video)| {
+                Some(Camera {
+                    key,
+                    name: name(key)?,
+                    feature,
+                    is_video,
+                })
+            })
+            .collect();
+        cameras.sort_by(|a, b| a.name.cmp(&b.name));
+        if let Some(twice) = cameras.windows(2).find(|w| w[0].name == w[1].name) {
+            let reason = format!(
+                "features '{}' and '{}' are both camera '{}': give them names in a mapping file",
+                twice[0].key, twice[1].key, twice[0].name
+            );
+            return Err(fault(&self.root.join(INFO), reason));
+        }
+        if cameras.is_empty() {
+            let reason = format!(
+                "no feature that is used has dtype 'image' or 'video'; the features are {}",
+                listed(self.info.features.keys())
+            );
+            return Err(fault(&self.root.join(INFO), reason));
+        }
+        Ok(cameras)
+    }
+
+    /// The column of actions that a view uses.
+    pub(super) fn action(&self, view: &View) -> Result<(&str, &Feature), StorageError> {
+        let mapped = view.mapping.as_ref().and_then(|m| m.action_topic());
+        let key = mapped.unwrap_or(ACTION);
+        let path = self.root.join(INFO);
+        if let Some(mapping) = &view.mapping {
+            let keys: Vec<&str> = self.info.features.keys().map(String::as_str).collect();
+            mapping.check_topics(&self.root, "feature", &keys)?;
+        }
+        let Some((key, feature)) = self.info.features.get_key_value(key) else {
+            let reason = format!(
+                "there is no feature '{key}'; the features are {}. Name the one that says what the robot was told \
+                 in a mapping file",
+                listed(self.info.features.keys())
+            );
+            return Err(fault(&path, reason));
+        };
+        feature
+            .check_action(key)
+            .map_err(|reason| fault(&path, reason))?;
+        Ok((key, feature))
+    }
+}
+
+/// `observation.images.top` is `top`, `observation.image` is `image`.
+fn plain_name(key: &str) -> String {
+    let key = key.strip_prefix("observation.").unwrap_or(key);
+    let name = key.strip_prefix("images.").unwrap_or(key);
+    name.replace(['/', '\\'], "_")
+}

@@ -1,0 +1,260 @@
+//! Tables of frames: which rows are an episode's, and what is in their columns.
+
+use std::fs::File;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use arrow::array::{
+    Array, ArrayRef, AsArray, BinaryArray, FixedSizeListArray, Float64Array, Int64Array,
+    LargeBinaryArray, ListArray, StructArray,
+};
+use arrow::compute::cast;
+use arrow::datatypes::DataType;
+use arrow::record_batch::RecordBatch;
+use parquet::arrow::ProjectionMask;
+use parquet::arrow::arrow_reader::{
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder, RowSelection,
+    RowSelector,
+};
+
+use super::{StorageError, fault};
+
+/// Rows that are decoded at once: with images a row can have megabytes.
+const BATCH_ROWS: usize = 256;
+/// A row group whose columns claim more is damaged; writers make groups of some hundred MiB.
+const MAX_GROUP_BYTES: i64 = 8 << 30;
+/// 155 hours at 30 Hz in one file; a few bytes can claim any number of equal rows.
+const MAX_ROWS: i64 = 1 << 24;
+
+/// A Parquet file that is open.
+pub(super) struct Table {
+    path: PathBuf,
+    file: File,
+    metadata: ArrowReaderMetadata,
+}
+
+impl Table {
+    pub fn open(path: &Path) -> Result<Self, StorageError> {
+        let file = File::open(path).map_err(StorageError::io("read", path))?;
+        let length = file
+            .metadata()
+            .map_err(StorageError::io("read", path))?
+            .len();
+        if length == 0 {
+            return Err(StorageError::EmptyFile {
+                path: path.to_owned(),
+            });
+        }
+        let metadata = ArrowReaderMetadata::load(&file, ArrowReaderOptions::default())
+            .map_err(|e| fault(path, format!("no Parquet table can be read: {e}")))?;
+        let table = Self {
+            path: path.to_owned(),
+            file,
+            metadata,
+        };
+        table.check_sizes(length)?;
+        Ok(table)
+    }
+
+    /// Refuses a footer that claims what the file cannot hold.
+    fn check_sizes(&self, length: u64) -> Result<(), StorageError> {
+        let rows = self.metadata.metadata().file_metadata().num_rows();
+        if !(0..=MAX_ROWS).contains(&rows) {
+            let reason = format!(
+                "its footer is damaged: it claims {rows} rows. Fetch or write the file again, or split a table of more \
+                 than {MAX_ROWS} rows"
+            );
+            return Err(fault(&self.path, reason));
+        }
+        for (number, group) in self.metadata.metadata().row_groups().iter().enumerate() {
+            let stored: i64 = group
+                .columns()
+                .iter()
+                .map(|c| c.compressed_size().max(0))
+                .fold(0, i64::saturating_add);
+            let claims = group.total_byte_size();
+            if group.num_rows() < 0
+                || stored as u64 > length
+                || !(0..=MAX_GROUP_BYTES).contains(&claims)
+            {
+                let reason = format!(
+                    "its footer is damaged: row group {number} claims {} rows in {stored} bytes, {claims} unpacked, \
+                     in a file of {length} bytes. Fetch or write the file again",
+                    group.num_rows()
+                );
+                return Err(fault(&self.path, reason));
+            }
+        }
+        Ok(())
+    }
+
+    /// Names of the columns.
+    pub fn columns(&self) -> Vec<String> {
+        let fields = self.metadata.schema().fields();
+        fields.iter().map(|f| f.name().clone()).collect()
+    }
+
+    /// The named columns, batch by batch, of all rows or of a stretch of them.
+    pub fn read(
+        &self,
+        columns: &[String],
+        rows: Option<Range<usize>>,
+    ) -> Result<impl Iterator<Item = Result<RecordBatch, StorageError>> + use<>, StorageError> {
+        let has = self.columns();
+        if let Some(missing) = columns.iter().find(|c| !has.contains(c)) {
+            let reason = format!(
+                "the column '{missing}' is missing; the columns are {}",
+                super::info::listed(has.iter())
+            );
+            return Err(fault(&self.path, reason));
+        }
+        let file = self
+            .file
+            .try_clone()
+            .map_err(StorageError::io("read", &self.path))?;
+        let builder =
+            ParquetRecordBatchReaderBuilder::new_with_metadata(file, self.metadata.clone());
+        let roots = has
+            .iter()
+            .enumerate()
+            .filter(|(_, name)| columns.contains(name))
+            .map(|(i, _)| i);
+        let mask = ProjectionMask::roots(builder.parquet_schema(), roots);
+        let mut builder = builder.with_projection(mask).with_batch_size(BATCH_ROWS);
+        if let Some(rows) = rows {
+            builder = builder.with_row_selection(RowSelection::from(vec![
+                RowSelector::skip(rows.start),
+                RowSelector::select(rows.len()),
+            ]));
+        }
+        let path = self.path.clone();
+        let reader = builder
+            .build()
+            .map_err(|e| fault(&path, format!("the table cannot be read: {e}")))?;
+        Ok(reader.map(move |batch| {
+            batch.map_err(|e| fault(&path, format!("the table cannot be read: {e}")))
+        }))
+    }
+
+    /// The rows of an episode: a stretch in which the column `episode_index` has its number.
+    pub fn rows_of(&self, episode: u64) -> Result<Range<usize>, StorageError> {
+        const COLUMN: &str = "episode_index";
+        let mut row = 0;
+        let mut found: Option<Range<usize>> = None;
+        for batch in self.read(&[COLUMN.to_owned()], None)? {
+            let batch = batch?;
+            let indices = integers(batch.column(0)).ok_or_else(|| {
+                fault(
+                    &self.path,
+                    format!("the column '{COLUMN}' holds no whole numbers"),
+                )
+            })?;
+            for index in &indices {
+                if u64::try_from(*index) == Ok(episode) {
+                    match &mut found {
+                        None => found = Some(row..row + 1),
+                        Some(range) if range.end == row => range.end += 1,
+                        Some(range) => {
+                            let reason = format!(
+                                "rows {range:?} and row {row} are of episode {episode}: an episode's rows must follow \
+                                 each other"
+                            );
+                            return Err(fault(&self.path, reason));
+                        }
+                    }
+                }
+                row += 1;
+            }
+        }
+        found.ok_or_else(|| {
+            let reason = format!(
+                "none of its {row} rows is of episode {episode}, which the metadata says is here: is the dataset complete?"
+            );
+            fault(&self.path, reason)
+        })
+    }
+}
+
+/// Whole numbers without nulls.
+pub(super) fn integers(array: &ArrayRef) -> Option<Vec<i64>> {
+    let array = cast(array, &DataType::Int64).ok()?;
+    let array = array.as_any().downcast_ref::<Int64Array>()?;
+    (array.null_count() == 0).then(|| array.values().to_vec())
+}
+
+/// Numbers without nulls.
+pub(super) fn numbers(array: &ArrayRef) -> Option<Vec<f64>> {
+    let array = cast(array, &DataType::Float64).ok()?;
+    let array = array.as_any().downcast_ref::<Float64Array>()?;
+    (array.null_count() == 0).then(|| array.values().to_vec())
+}
+
+/// The vector of each row: a list, or a single number.
+pub(super) fn vectors(array: &ArrayRef) -> Result<Vec<Vec<f64>>, String> {
+    let row = |row: usize| -> Result<Vec<f64>, String> {
+        let wrong = || format!("row {row} is no list of numbers but {}", array.data_type());
+        if array.is_null(row) {
+            return Err(format!("row {row} is null"));
+        }
+        let any = array.as_any();
+        let list = if let Some(list) = any.downcast_ref::<ListArray>() {
+            list.value(row)
+        } else if let Some(list) = any.downcast_ref::<FixedSizeListArray>() {
+            list.value(row)
+        } else if let Some(list) = array.as_list_opt::<i64>() {
+            list.value(row)
+        } else {
+            array.slice(row, 1)
+        };
+        numbers(&list).ok_or_else(wrong)
+    };
+    (0..array.len()).map(row).collect()
+}
+
+/// An image of a row: the bytes of its file, or where that lies.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Picture {
+    Bytes(Vec<u8>),
+    Path(String),
+    None,
+}
+
+/// The images of a column: a struct of `bytes` and `path`, or bytes alone.
+pub(super) fn pictures(array: &ArrayRef) -> Result<Vec<Picture>, String> {
+    if let Some(all) = binary(array) {
+        return Ok(all
+            .into_iter()
+            .map(|b| b.map_or(Picture::None, Picture::Bytes))
+            .collect());
+    }
+    let Some(fields) = array.as_any().downcast_ref::<StructArray>() else {
+        return Err(format!(
+            "holds {}, not images (a struct of 'bytes' and 'path')",
+            array.data_type()
+        ));
+    };
+    let bytes = fields.column_by_name("bytes").and_then(binary);
+    let bytes = bytes.ok_or("has no field 'bytes' with the bytes of files")?;
+    let paths = fields
+        .column_by_name("path")
+        .and_then(|p| cast(p, &DataType::Utf8).ok());
+    let path = |row: usize| {
+        let paths = paths.as_ref()?.as_string_opt::<i32>()?;
+        (!paths.is_null(row)).then(|| paths.value(row).to_owned())
+    };
+    let picture = |(row, bytes): (usize, Option<Vec<u8>>)| match bytes {
+        Some(bytes) if !fields.is_null(row) => Picture::Bytes(bytes),
+        _ => path(row).map_or(Picture::None, Picture::Path),
+    };
+    Ok(bytes.into_iter().enumerate().map(picture).collect())
+}
+
+fn binary(array: &ArrayRef) -> Option<Vec<Option<Vec<u8>>>> {
+    let any = array.as_any();
+    let owned = |bytes: Option<&[u8]>| bytes.map(<[u8]>::to_vec);
+    if let Some(bytes) = any.downcast_ref::<BinaryArray>() {
+        return Some(bytes.iter().map(owned).collect());
+    }
+    let bytes = any.downcast_ref::<LargeBinaryArray>()?;
+    Some(bytes.iter().map(owned).collect())
+}

@@ -1,0 +1,394 @@
+//! Recordings of all kinds under one roof: MCAP files, LeRobot datasets, mapping files that name them.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use sha2::{Digest, Sha256};
+
+use super::digest::hexadecimal;
+use super::episode::keys;
+use super::lerobot::{self, Dataset, inspect_episode, read_episode};
+use super::mapping::{Mapping, is_mapping};
+use super::recording::{inspect_mcap, read_mcap};
+use super::view::{ReadOptions, View};
+use super::{Recording, RecordingReport, StorageError, sha256_file};
+use crate::trajectory::{Binning, DemonstrationSet};
+
+/// The recordings among some paths, found but not read.
+///
+/// A path is an MCAP file, a LeRobot dataset (a folder with `meta/info.json`), a folder in which either
+/// lies at any depth except in hidden folders, or a mapping file (`*.yaml`), which names recordings and
+/// says how they are read.
+#[derive(Clone, Debug)]
+pub struct Recordings {
+    /// Sorted.
+    sources: Vec<Source>,
+    mappings: Vec<Arc<Mapping>>,
+    options: ReadOptions,
+    paths: Vec<PathBuf>,
+}
+
+/// One recording.
+#[derive(Clone, Debug)]
+struct Source {
+    /// The file, or the dataset with the name of the episode.
+    place: PathBuf,
+    container: Container,
+    view: View,
+}
+
+#[derive(Clone, Debug)]
+enum Container {
+    Mcap,
+    Episode {
+        dataset: Arc<Dataset>,
+        number: usize,
+    },
+}
+
+impl Source {
+    fn read(&self) -> Result<Recording, StorageError> {
+        match &self.container {
+            Container::Mcap => read_mcap(&self.place, &self.view),
+            Container::Episode { dataset, number } => read_episode(dataset, *number, &self.view),
+        }
+    }
+
+    fn inspect(&self) -> Result<RecordingReport, StorageError> {
+        match &self.container {
+            Container::Mcap => inspect_mcap(&self.place, &self.view),
+            Container::Episode { dataset, number } => inspect_episode(dataset, *number, &self.view),
+        }
+    }
+
+    /// Files by their paths, episodes by their dataset and number.
+    fn order(&self) -> (&Path, usize) {
+        match &self.container {
+            Container::Mcap => (&self.place, 0),
+            Container::Episode { dataset, number } => (&dataset.root, *number),
+        }
+    }
+
+    /// What the task is called where the container says so without being read.
+    fn task(&self) -> Option<String> {
+        match &self.container {
+            Container::Mcap => None,
+            Container::Episode { dataset, number } => {
+                let task = dataset.task(&dataset.episodes[*number]);
+                (!task.is_empty()).then_some(task)
+            }
+        }
+    }
+}
+
+impl Recordings {
+    /// Finds the recordings among paths. Of datasets the metadata is read, of other recordings nothing.
+    ///
+    /// # Errors
+    /// [`StorageError::Io`] when a path cannot be read, [`StorageError::NoRecordings`] when there are none,
+    /// [`StorageError::Mapping`] for a wrong mapping file, [`StorageError::Dataset`] for wrong metadata.
+    pub fn open(paths: &[PathBuf], options: &ReadOptions) -> Result<Self, StorageError> {
+        let mut found = Self {
+            sources: Vec::new(),
+            mappings: Vec::new(),
+            options: options.clone(),
+            paths: paths.to_vec(),
+        };
+        for path in paths {
+            if is_mapping(path) {
+                let mapping = Arc::new(Mapping::load(path)?);
+                for recordings in &mapping.recordings {
+                    found.take(recordings, Some(&mapping))?;
+                }
+                found.mappings.push(mapping);
+            } else {
+                found.take(path, None)?;
+            }
+        }
+        found.sources.sort_by(|a, b| a.order().cmp(&b.order()));
+        found.sources.dedup_by(|a, b| a.order() == b.order());
+        if found.sources.is_empty() {
+            return Err(StorageError::NoRecordings {
+                paths: list(paths.iter().map(|p| p.display().to_string())),
+            });
+        }
+        Ok(found)
+    }
+
+    fn take(&mut self, path: &Path, mapping: Option<&Arc<Mapping>>) -> Result<(), StorageError> {
+        let view = View {
+            mapping: mapping.cloned(),
+            options: self.options.clone(),
+        };
+        if path.is_dir() {
+            return self.take_folder(path, &view);
+        }
+        fs::metadata(path).map_err(StorageError::io("read", path))?;
+        self.take_file(path, &view);
+        Ok(())
+    }
+
+    fn take_file(&mut self, path: &Path, view: &View) {
+        self.sources.push(Source {
+            place: path.to_owned(),
+            container: Container::Mcap,
+            view: view.clone(),
+        });
+    }
+
+    fn take_folder(&mut self, folder: &Path, view: &View) -> Result<(), StorageError> {
+        if lerobot::is_dataset(folder) {
+            let dataset = Arc::new(Dataset::open(folder)?);
+            for number in 0..dataset.episodes.len() {
+                self.sources.push(Source {
+                    place: folder.join(dataset.episode_name(number)),
+                    container: Container::Episode {
+                        dataset: Arc::clone(&dataset),
+                        number,
+                    },
+                    view: view.clone(),
+                });
+            }
+            return Ok(());
+        }
+        let entries = fs::read_dir(folder).map_err(StorageError::io("read", folder))?;
+        for entry in entries {
+            let path = entry.map_err(StorageError::io("read", folder))?.path();
+            let is_hidden = path
+                .file_name()
+                .is_some_and(|n| n.to_string_lossy().starts_with('.'));
+            if is_hidden {
+                continue;
+            }
+            if path.is_dir() {
+                self.take_folder(&path, view)?;
+            } else if path.extension().is_some_and(|e| e == "mcap") {
+                self.take_file(&path, view);
+            }
+        }
+        Ok(())
+    }
+
+    /// How many there are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.sources.len()
+    }
+
+    /// Says what is in each recording, without decoding more images than needed.
+    #[must_use]
+    pub fn inspect(&self) -> Vec<Result<RecordingReport, StorageError>> {
+        self.sources.par_iter().map(Source::inspect).collect()
+    }
+
+    /// Reads the recordings one after another, in order.
+    pub fn read(&self) -> impl Iterator<Item = Result<Recording, StorageError>> {
+        self.sources.iter().map(|source| {
+            let mut recording = source.read()?;
+            recording.report.left_out = why_damaged(&recording.report);
+            Ok(recording)
+        })
+    }
+
+    /// The tasks that are shown, by names that can be parts of paths. Datasets say which they are; other
+    /// recordings are all of one task, that of the mapping file or else of the first path's name.
+    #[must_use]
+    pub fn tasks(&self) -> Vec<String> {
+        let said: Vec<String> = self.told_tasks().into_keys().collect();
+        if said.len() > 1 {
+            return said;
+        }
+        let mapped = self.mappings.first().map(|m| m.task());
+        let named = self.paths.first().map(|path| {
+            let name = path.file_name().unwrap_or_default();
+            name.to_string_lossy().into_owned()
+        });
+        vec![mapped.or(named).unwrap_or_default()]
+    }
+
+    /// The tasks that datasets tell, by the names that they have here.
+    fn told_tasks(&self) -> BTreeMap<String, String> {
+        let told = self.sources.iter().filter_map(Source::task);
+        told.map(|task| (slug(&task), task)).collect()
+    }
+
+    /// How continuous actions are cut: as the mapping files say, else into `bins` equal bins.
+    #[must_use]
+    pub fn binning(&self, bins: usize) -> Binning {
+        let mapping = self.mappings.first();
+        mapping.map_or_else(|| Binning::uniform(bins), |m| m.binning(bins))
+    }
+
+    /// Reads the demonstrations of one task, in order, and says of every recording what is in it.
+    ///
+    /// Where datasets tell of several tasks, those are taken that have this name or the one that
+    /// [`tasks`](Self::tasks) gives them. The trajectories carry the name `task`, whatever the files call it.
+    /// Their ids are the files' stems, with the folder before them where stems repeat. Left out, and
+    /// marked so in their reports, are recordings that say that they failed, and damaged ones: where
+    /// steps are missing, neighbours need not follow each other and the last step need not be the end of
+    /// the task.
+    ///
+    /// # Errors
+    /// [`StorageError`] of the first recording in order that cannot be read; [`StorageError::NoSuchTask`];
+    /// [`StorageError::NoDemonstrations`] when every recording was left out; [`StorageError::Set`] when
+    /// cameras or action spaces differ.
+    pub fn demonstrations(
+        &self,
+        task: &str,
+    ) -> Result<(DemonstrationSet, Vec<RecordingReport>), StorageError> {
+        let sources = self.of_task(task)?;
+        let read: Vec<Result<Recording, StorageError>> =
+            sources.par_iter().map(|source| source.read()).collect();
+        // Collected apart, so that of several errors always the first one is reported.
+        let recordings = read.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let places: Vec<&Path> = sources.iter().map(|s| s.place.as_path()).collect();
+        let ids = unique_ids(&places);
+        let mut trajectories = Vec::new();
+        let mut reports = Vec::new();
+        for (recording, id) in recordings.into_iter().zip(ids) {
+            let mut report = recording.report;
+            report.left_out = why_left_out(&report);
+            if report.left_out.is_none() {
+                let mut trajectory = recording.trajectory;
+                task.clone_into(&mut trajectory.task);
+                trajectory.id = id;
+                trajectories.push(trajectory);
+            }
+            reports.push(report);
+        }
+        if trajectories.is_empty() {
+            return Err(StorageError::NoDemonstrations {
+                task: task.to_owned(),
+                count: reports.len(),
+                reasons: list(reports.iter().map(|r| {
+                    let reason = r.left_out.as_deref().unwrap_or_default();
+                    format!("{}: {reason}", r.place())
+                })),
+            });
+        }
+        let set =
+            DemonstrationSet::new(task, trajectories).map_err(|source| StorageError::Set {
+                task: task.to_owned(),
+                source,
+            })?;
+        Ok((set, reports))
+    }
+
+    fn of_task(&self, task: &str) -> Result<Vec<&Source>, StorageError> {
+        let told = self.told_tasks();
+        if told.len() <= 1 {
+            return Ok(self.sources.iter().collect());
+        }
+        let wanted = slug(task);
+        let is_wanted = |s: &&Source| s.task().is_none_or(|t| slug(&t) == wanted);
+        let sources: Vec<&Source> = self.sources.iter().filter(is_wanted).collect();
+        if sources.is_empty() {
+            return Err(StorageError::NoSuchTask {
+                task: task.to_owned(),
+                paths: list(self.paths.iter().map(|p| p.display().to_string())),
+                known: list(told.into_keys()),
+            });
+        }
+        Ok(sources)
+    }
+
+    /// All files that the recordings consist of, and the mapping files; sorted.
+    #[must_use]
+    pub fn files(&self) -> Vec<PathBuf> {
+        let mut files: Vec<PathBuf> = self.mappings.iter().map(|m| m.path().to_owned()).collect();
+        for source in &self.sources {
+            match &source.container {
+                Container::Mcap => files.push(source.place.clone()),
+                Container::Episode { dataset, number: 0 } => {
+                    files.extend(dataset.files().iter().map(|f| dataset.root.join(f)));
+                }
+                Container::Episode { .. } => {}
+            }
+        }
+        files.sort();
+        files.dedup();
+        files
+    }
+
+    /// A digest of the bytes of all files, in sorted order and whatever their names, and of what was asked
+    /// for beside them: 64 hexadecimal digits.
+    ///
+    /// # Errors
+    /// [`StorageError::Io`] when a file cannot be read.
+    pub fn digest(&self) -> Result<String, StorageError> {
+        let digests: Vec<Result<String, StorageError>> = self
+            .files()
+            .par_iter()
+            .map(|path| sha256_file(path))
+            .collect();
+        let digests = digests.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let asked = self.options.digested();
+        Ok(hexadecimal(&Sha256::digest(digests.concat() + &asked)))
+    }
+}
+
+/// A name that can be part of a path and the name of a task: letters, digits and `_`.
+pub(super) fn slug(text: &str) -> String {
+    const MAX_CHARS: usize = 60;
+    let words: Vec<String> = text
+        .split(|c: char| !c.is_ascii_alphanumeric())
+        .filter(|w| !w.is_empty())
+        .map(str::to_ascii_lowercase)
+        .collect();
+    let slug: String = words.join("_").chars().take(MAX_CHARS).collect();
+    if slug.is_empty() {
+        "task".to_owned()
+    } else {
+        slug
+    }
+}
+
+fn why_left_out(report: &RecordingReport) -> Option<String> {
+    if report
+        .metadata
+        .get(keys::SUCCESS)
+        .is_some_and(|s| s == "false")
+    {
+        return Some("its metadata says that the task was not done".to_owned());
+    }
+    why_damaged(report)
+}
+
+fn why_damaged(report: &RecordingReport) -> Option<String> {
+    let damage = report.losses.iter().find(|l| l.breaks_the_sequence())?;
+    Some(format!("steps may be missing: {damage}"))
+}
+
+/// The stem of each file, with its folder where the stem alone is not unique, or the whole path where
+/// that is not either.
+fn unique_ids(places: &[&Path]) -> Vec<String> {
+    let stem = |p: &Path| p.with_extension("").file_name().map(PathBuf::from);
+    let with_folder = |p: &Path| Some(Path::new(p.parent()?.file_name()?).join(stem(p)?));
+    let candidates = |p: &Path| [stem(p), with_folder(p), Some(p.with_extension(""))];
+    let mut uses: BTreeMap<PathBuf, usize> = BTreeMap::new();
+    for candidate in places.iter().flat_map(|p| candidates(p)).flatten() {
+        *uses.entry(candidate).or_default() += 1;
+    }
+    places
+        .iter()
+        .map(|p| {
+            let id = candidates(p).into_iter().flatten().find(|c| uses[c] == 1);
+            id.unwrap_or_else(|| p.to_path_buf())
+                .to_string_lossy()
+                .into_owned()
+        })
+        .collect()
+}
+
+fn list(items: impl Iterator<Item = String>) -> String {
+    const SHOWN: usize = 5;
+    let items: Vec<_> = items.collect();
+    let mut shown = items[..items.len().min(SHOWN)].join("; ");
+    if items.len() > SHOWN {
+        shown = format!("{shown}; and {} more", items.len() - SHOWN);
+    }
+    shown
+}
