@@ -8,6 +8,7 @@ import http.client
 import json
 import os
 import pathlib
+import shutil
 import signal
 import socket
 import subprocess
@@ -32,9 +33,9 @@ SEED = 100
 
 
 @contextlib.contextmanager
-def serving(catena, command, *options):
+def serving(catena, command, *options, composition=COMPOSITION, root=ROOT):
     """A server on a free port, ended by SIGTERM, which must be enough."""
-    words = [catena, command, COMPOSITION, "--root", str(ROOT), "--bind", f"{HOST}:0", *options]
+    words = [catena, command, composition, "--root", str(root), "--bind", f"{HOST}:0", *options]
     process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     try:
         for line in process.stdout:
@@ -198,6 +199,32 @@ def keys_and_limits(catena):
     expect(done.returncode == 1 and "--api-key-file" in done.stderr, "no open server without a key")
 
 
+def a_real_arm(catena):
+    """The steps of docs/your-own-robot.md, and a client for what they end in."""
+    root = ROOT / "examples" / "bridge"
+    shutil.rmtree(root / "out", ignore_errors=True)
+    model = str(root / "out" / "model")
+    demos = [str(root / "cup.yaml"), str(root / "carrot.yaml")]
+    steps = [["train", *demos, "--preset", "tiny", "--seed", "2", "--out", model]]
+    for task in ("cup", "carrot"):
+        steps.append(["graph", "build", str(root / "tasks" / f"{task}.yaml"), "--model", model, "--root", str(root)])
+    for step in steps:
+        subprocess.run([catena, *step], check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
+    sequence = str(root / "tasks" / "sequences" / "cup_then_carrot.yaml")
+    with serving(catena, "serve", composition=sequence, root=root) as (port, _):
+        policy = WebsocketClientPolicy(HOST, port)
+        space = policy.get_server_metadata()["action_space"]
+        names = [dimension["name"] for dimension in space["dimensions"]]
+        expect(names == ["x", "y", "z", "roll", "pitch", "yaw", "gripper"], f"a real arm's actions: {names}")
+        image = np.random.default_rng(1).integers(0, 256, (256, 256, 3), np.uint8)
+        answer = policy.infer({"observation": {"images": {"head": image}}, "reset": True})
+        actions = answer["actions"]
+        ranges = [(dimension["low"], dimension["high"]) for dimension in space["dimensions"]]
+        inside = all(low <= value <= high for value, (low, high) in zip(actions[0], ranges))
+        expect(actions.shape == (1, 7) and inside, f"one row of values in the robot's units: {actions[0].round(4)}")
+        expect(answer["action"] is None, "and no primitive")
+
+
 def main():
     with serving(CATENA, "serve") as (policy_port, policy), serving(CATENA, "simulate") as (robot_port, _):
         health(policy_port)
@@ -214,6 +241,7 @@ def main():
                 code = closed.rcvd and closed.rcvd.code
             expect(code == 1001, "SIGTERM tells clients that the server goes")
     keys_and_limits(CATENA)
+    a_real_arm(CATENA)
     print("all of it holds")
 
 
