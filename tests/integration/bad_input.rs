@@ -749,6 +749,78 @@ fn a_video_without_ffmpeg_says_what_to_install() {
     }
 }
 
+/// A stand-in for the program that gives so many pictures of 4x6 pixels, whatever it is asked.
+#[cfg(unix)]
+fn with_stand_in(folder: &Path, pictures: usize) -> PathBuf {
+    use std::os::unix::fs::PermissionsExt as _;
+    let root = with_video(folder);
+    let video = root.join("videos/observation.images.head/chunk-000/file-000.mp4");
+    fs::create_dir_all(video.parent().expect("a folder")).expect("made");
+    fs::write(&video, b"not looked at").expect("written");
+    let mut stream = Vec::new();
+    for i in 0..pictures {
+        stream.extend(b"P6\n6 4\n255\n");
+        stream.extend([i as u8 * 8; 72]);
+    }
+    fs::write(folder.join("stream"), stream).expect("written");
+    let program = folder.join("ffmpeg");
+    let script = format!(
+        "#!/bin/sh\necho 'it was damaged' >&2\nexec cat {}\n",
+        path(&folder.join("stream"))
+    );
+    fs::write(&program, script).expect("written");
+    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).expect("executable");
+    root
+}
+
+#[cfg(unix)]
+fn trained_with_stand_in(pictures: usize) -> std::process::Output {
+    let folder = tempfile::tempdir().expect("a folder");
+    let root = with_stand_in(folder.path(), pictures);
+    let paths = format!("{}:/usr/bin:/bin", path(folder.path()));
+    let out = folder.path().join("model");
+    std::process::Command::new(env!("CARGO_BIN_EXE_catena"))
+        .args([
+            "train",
+            path(&root),
+            "--preset",
+            "tiny",
+            "--steps",
+            "1",
+            "--image-size",
+            "16x16",
+        ])
+        .args(["--out", path(&out)])
+        .env("PATH", paths)
+        .output()
+        .expect("the command starts")
+}
+
+#[test]
+#[cfg(unix)]
+fn videos_are_read_through_the_program_and_their_end_is_noticed() {
+    let whole = trained_with_stand_in(10);
+    assert!(whole.status.success(), "{}", text(&whole.stderr));
+    assert!(text(&whole.stdout).contains("training on 30 states of 1 tasks"));
+    assert!(
+        !text(&whole.stderr).contains("LOST"),
+        "{}",
+        text(&whole.stderr)
+    );
+    let short = trained_with_stand_in(7);
+    assert!(short.status.success(), "{}", text(&short.stderr));
+    let said = text(&short.stderr);
+    let lost = "3 images of observation.images.head: the video ends after 7 frames. it was damaged";
+    assert!(said.contains(lost), "{said}");
+    let none = trained_with_stand_in(0);
+    assert_eq!(none.status.code(), Some(1));
+    let said = text(&none.stderr);
+    assert!(
+        said.contains("no frame of it can be read: it was damaged"),
+        "{said}"
+    );
+}
+
 /// A few bytes of each kind of file changed or cut off anywhere: an answer every time, and no panic.
 #[test]
 fn no_damage_makes_it_panic() {

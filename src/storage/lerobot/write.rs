@@ -365,6 +365,8 @@ impl DatasetWriter {
             Arc::new(Int64Array::from(numbers)),
             Arc::new(StringArray::from_iter_values(&self.tasks)),
         ];
+        // pyarrow looks for it in the schema that Arrow keeps, others among the notes of the file.
+        let schema = schema.with_metadata([("pandas".to_owned(), pandas.to_string())].into());
         let note = KeyValue::new("pandas".to_owned(), pandas.to_string());
         write_table(
             &self.folder.join("meta/tasks.parquet"),
