@@ -24,6 +24,6 @@ fuzz_target!(|data: &[u8]| {
         fs::write(at("meta/episodes.jsonl"), parts.next().unwrap_or_default()).expect("written");
     }
     if let Ok(recordings) = Recordings::open(&[folder.path().to_owned()], &ReadOptions::default()) {
-        recordings.inspect();
+        drop(recordings.inspect());
     }
 });

@@ -19,6 +19,6 @@ fuzz_target!(|data: &[u8]| {
         return;
     }
     if let Ok(recordings) = Recordings::open(&[mapping], &ReadOptions::default()) {
-        recordings.inspect();
+        drop(recordings.inspect());
     }
 });

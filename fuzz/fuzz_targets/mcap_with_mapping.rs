@@ -22,7 +22,7 @@ fuzz_target!(|data: &[u8]| {
     fs::write(&mapping, MAPPINGS[usize::from(*choice) % MAPPINGS.len()]).expect("written");
     fs::write(folder.path().join("demo.mcap"), recording).expect("written");
     if let Ok(recordings) = Recordings::open(&[mapping], &ReadOptions::default()) {
-        recordings.inspect();
+        drop(recordings.inspect());
         for recording in recordings.read() {
             drop(recording);
         }

@@ -118,7 +118,10 @@ fn checked_values(names: Vec<String>, values: Vec<f64>) -> Result<ActionMessage,
     }
     // Actions are kept as 32-bit floats, which must be able to hold them.
     match values.iter().position(|v| !(*v as f32).is_finite()) {
-        Some(bad) => Err(format!("value {bad} of the action is {}", values[bad])),
+        Some(bad) => Err(format!(
+            "value {bad} of the action is {:e}: a robot cannot be told that. Leave the recording out, or mend it",
+            values[bad]
+        )),
         None => Ok(ActionMessage::Values { names, values }),
     }
 }

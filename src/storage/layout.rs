@@ -150,6 +150,10 @@ impl<'a> Layout<'a> {
         if self.cameras.is_empty() {
             return Err(match self.reasons(true) {
                 Some(reasons) => StorageError::UnusableCameras { path, reasons },
+                None if self.reasons(false).is_some() => StorageError::UnusableActions {
+                    path,
+                    reasons: self.reasons(false).unwrap_or_default(),
+                },
                 None => StorageError::NoImages {
                     path,
                     topics: topic_list(scan),

@@ -14,10 +14,12 @@
 
 mod dataset;
 mod episodes;
+mod films;
 mod frames;
 mod info;
 mod read;
 mod restored;
+mod rows;
 mod statistics;
 mod template;
 mod video;

@@ -192,8 +192,9 @@ fn at_rate(times: &[u64], rate_hz: f64) -> Vec<usize> {
         return Vec::new();
     };
     let period = 1e9 / rate_hz;
-    // A clock of the same rate as the actions must not miss one by a rounding error.
-    let slack = period * 0.05;
+    // A clock of the same rate as the actions must not miss one by a rounding error, nor take one too early.
+    let gap = typical_rate_hz(times).map_or(0.0, |hz| 1e9 / hz);
+    let slack = f64::min(0.05 * period, 0.25 * gap);
     let span = last.saturating_sub(*first) as f64;
     // No more ticks than actions can matter.
     let mut chosen = Vec::new();

@@ -76,7 +76,10 @@ fn load_lines(root: &Path, info: &Info) -> Result<Vec<Episode>, StorageError> {
             continue;
         }
         let at = |reason: String| fault(&path, format!("line {}: {reason}", number + 1));
-        let line: EpisodeLine = serde_json::from_str(line).map_err(|e| at(e.to_string()))?;
+        let line: EpisodeLine = serde_json::from_str(line).map_err(|e| {
+            let told = e.to_string().replace("at line 1 column", "at column");
+            at(format!("{told}. Each line is one episode: {{\"episode_index\": 0, \"tasks\": [..], \"length\": 10}}"))
+        })?;
         let index = line.episode_index;
         let values = |key| {
             [

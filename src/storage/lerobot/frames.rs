@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use arrow::array::{
@@ -35,7 +36,7 @@ pub(super) struct Table {
 
 impl Table {
     pub fn open(path: &Path) -> Result<Self, StorageError> {
-        let file = File::open(path).map_err(StorageError::io("read", path))?;
+        let file = File::open(path).map_err(|e| missing(path, e))?;
         let length = file
             .metadata()
             .map_err(StorageError::io("read", path))?
@@ -45,8 +46,10 @@ impl Table {
                 path: path.to_owned(),
             });
         }
-        let metadata = ArrowReaderMetadata::load(&file, ArrowReaderOptions::default())
-            .map_err(|e| fault(path, format!("no Parquet table can be read: {e}")))?;
+        let metadata = guarded(path, || {
+            ArrowReaderMetadata::load(&file, ArrowReaderOptions::default())
+        })?;
+        let metadata = metadata.map_err(|e| unreadable(path, &e))?;
         let table = Self {
             path: path.to_owned(),
             file,
@@ -128,11 +131,17 @@ impl Table {
             ]));
         }
         let path = self.path.clone();
-        let reader = builder
-            .build()
-            .map_err(|e| fault(&path, format!("the table cannot be read: {e}")))?;
-        Ok(reader.map(move |batch| {
-            batch.map_err(|e| fault(&path, format!("the table cannot be read: {e}")))
+        let reader = guarded(&path, || builder.build())?;
+        let mut reader = reader.map_err(|e| unreadable(&path, &e))?;
+        let mut is_broken = false;
+        Ok(std::iter::from_fn(move || {
+            if is_broken {
+                return None;
+            }
+            let next = guarded(&path, || reader.next())
+                .and_then(|batch| batch.transpose().map_err(|e| unreadable(&path, &e)));
+            is_broken = next.is_err();
+            next.transpose()
         }))
     }
 
@@ -173,6 +182,33 @@ impl Table {
             fault(&self.path, reason)
         })
     }
+}
+
+/// A file that the metadata names and that is not there, or cannot be read.
+pub(super) fn missing(path: &Path, error: std::io::Error) -> StorageError {
+    if error.kind() == std::io::ErrorKind::NotFound {
+        return fault(
+            path,
+            "the metadata names this file, but it is not there: is the dataset complete?",
+        );
+    }
+    StorageError::io("read", path)(error)
+}
+
+fn unreadable(path: &Path, error: &dyn std::fmt::Display) -> StorageError {
+    let reason = format!("the table cannot be read ({error}): fetch or write the file again");
+    fault(path, reason)
+}
+
+/// What the decoder of Parquet gives. It takes some kinds of damage for bugs of its own and panics; here that
+/// is a damaged file like any other.
+fn guarded<T>(path: &Path, decode: impl FnOnce() -> T) -> Result<T, StorageError> {
+    // What was half decoded is dropped and not looked at again.
+    catch_unwind(AssertUnwindSafe(decode)).map_err(|_| {
+        let reason =
+            "its data is damaged, so that the decoder gave up: fetch or write the file again";
+        fault(path, reason)
+    })
 }
 
 /// Whole numbers without nulls.

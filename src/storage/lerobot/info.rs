@@ -60,8 +60,10 @@ impl Info {
     pub fn load(root: &Path) -> Result<Self, StorageError> {
         let path = root.join(INFO);
         let text = read_text(&path)?;
-        let mut info: Self =
-            serde_json::from_str(&text).map_err(|e| fault(&path, e.to_string()))?;
+        let mut info: Self = serde_json::from_str(&text).map_err(|e| {
+            let help = "This is not what LeRobot writes: fetch or write the file again";
+            fault(&path, format!("{e}. {help}"))
+        })?;
         info.check().map_err(|reason| fault(&path, reason))?;
         Ok(info)
     }

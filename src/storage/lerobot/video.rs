@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use super::StorageError;
 use super::episodes::VideoPart;
+use super::frames::missing;
 use crate::storage::pixels::{MAX_IMAGE_BYTES, MAX_SIDE_PIXELS};
 use crate::trajectory::Image;
 
@@ -42,7 +43,7 @@ pub(super) fn read_frames(
         camera: wanted.camera.to_owned(),
         reason,
     };
-    std::fs::metadata(&path).map_err(StorageError::io("read", &path))?;
+    std::fs::metadata(&path).map_err(|e| missing(&path, e))?;
     let mut program = command(&path, wanted.part.from_secs, wanted.fps, last + 1);
     let mut child = program.spawn().map_err(|e| match e.kind() {
         std::io::ErrorKind::NotFound => fault(

@@ -1,30 +1,30 @@
 //! A dataset of version 3.0 from recordings, episode by episode. Images are files within the tables, so that
 //! nothing is needed to read them.
 
+mod columns;
+mod metadata;
+mod tables;
+
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use arrow::array::{
-    ArrayRef, BinaryArray, FixedSizeListArray, Float32Array, Int64Array, ListBuilder, StringArray,
-    StringBuilder, StructArray,
-};
-use arrow::datatypes::{DataType, Field, Fields, Schema, SchemaRef};
+use arrow::array::{ArrayRef, Float32Array, Int64Array};
+use arrow::datatypes::{Schema, SchemaRef};
 use arrow::record_batch::RecordBatch;
 use parquet::arrow::ArrowWriter;
-use parquet::basic::Compression;
-use parquet::file::metadata::KeyValue;
-use parquet::file::properties::WriterProperties;
 use serde_json::{Value, json};
 
+use self::columns::{IMAGES, action_column, fields, image_key, picture_column, row, width};
+use self::tables::{make_parent, properties, write_json};
 use super::info::ACTION;
 use super::restored::{FILE, Restored, RestoredEpisode};
 use super::statistics::Statistics;
 use super::{INFO, StorageError, fault};
 use crate::storage::RecordingReport;
 use crate::storage::pixels::{encode_jpeg, encode_png};
-use crate::trajectory::{Action, ActionSpace, CameraSpec, Image, Trajectory};
+use crate::trajectory::{ActionSpace, CameraSpec, Image, Trajectory};
 
 /// How images are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -299,117 +299,6 @@ impl DatasetWriter {
         write_json(&self.folder.join(FILE), &json!(self.restored))?;
         write_json(&self.folder.join(INFO), &self.info())
     }
-
-    fn info(&self) -> Value {
-        let mut features = serde_json::Map::new();
-        let number = |dtype: &str| json!({ "dtype": dtype, "shape": [1], "names": null });
-        for camera in &self.cameras {
-            let feature = json!({
-                "dtype": "image",
-                "shape": [camera.height, camera.width, 3],
-                "names": ["height", "width", "channels"],
-            });
-            features.insert(image_key(&camera.name), feature);
-        }
-        let names = match &self.space {
-            ActionSpace::Primitives { names } | ActionSpace::Continuous { names } => names.clone(),
-            ActionSpace::Binned { .. } => Vec::new(),
-        };
-        let action = json!({ "dtype": "float32", "shape": [width(&self.space)], "names": names });
-        features.insert(ACTION.to_owned(), action);
-        features.insert("timestamp".to_owned(), number("float32"));
-        for key in ["frame_index", "episode_index", "index", "task_index"] {
-            features.insert(key.to_owned(), number("int64"));
-        }
-        json!({
-            "codebase_version": "v3.0",
-            "robot_type": self.robot,
-            "total_episodes": self.episodes.len(),
-            "total_frames": self.frames,
-            "total_tasks": self.tasks.len(),
-            "chunks_size": CHUNK_FILES,
-            "data_files_size_in_mb": FILE_BYTES >> 20,
-            "video_files_size_in_mb": 200,
-            "fps": self.fps,
-            "splits": { "train": format!("0:{}", self.episodes.len()) },
-            "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
-            "video_path": null,
-            "features": features,
-        })
-    }
-
-    /// Tasks as pandas writes a table that is indexed by them.
-    fn write_tasks(&self) -> Result<(), StorageError> {
-        let index = "__index_level_0__";
-        let pandas = json!({
-            "index_columns": [index],
-            "column_indexes": [{
-                "name": null, "field_name": null, "pandas_type": "unicode", "numpy_type": "object",
-                "metadata": { "encoding": "UTF-8" },
-            }],
-            "columns": [
-                { "name": "task_index", "field_name": "task_index", "pandas_type": "int64",
-                  "numpy_type": "int64", "metadata": null },
-                { "name": null, "field_name": index, "pandas_type": "unicode", "numpy_type": "object",
-                  "metadata": null },
-            ],
-            "creator": { "library": "catena", "version": env!("CARGO_PKG_VERSION") },
-            "pandas_version": "2.0.0",
-        });
-        let schema = Schema::new(vec![
-            Field::new("task_index", DataType::Int64, true),
-            Field::new(index, DataType::Utf8, true),
-        ]);
-        let numbers: Vec<i64> = (0..self.tasks.len() as i64).collect();
-        let columns: Vec<ArrayRef> = vec![
-            Arc::new(Int64Array::from(numbers)),
-            Arc::new(StringArray::from_iter_values(&self.tasks)),
-        ];
-        let note = KeyValue::new("pandas".to_owned(), pandas.to_string());
-        write_table(
-            &self.folder.join("meta/tasks.parquet"),
-            schema,
-            columns,
-            Some(note),
-        )
-    }
-
-    fn write_episodes(&self) -> Result<(), StorageError> {
-        let text = Arc::new(Field::new_list_field(DataType::Utf8, true));
-        let mut tasks = ListBuilder::new(StringBuilder::new());
-        for episode in &self.episodes {
-            tasks.values().append_value(&self.tasks[episode.task]);
-            tasks.append(true);
-        }
-        let numbers = |of: fn(&EpisodeRow) -> u64| -> ArrayRef {
-            Arc::new(
-                self.episodes
-                    .iter()
-                    .map(|e| Some(of(e) as i64))
-                    .collect::<Int64Array>(),
-            )
-        };
-        let indices: Int64Array = (0..self.episodes.len() as i64).map(Some).collect();
-        let columns: Vec<(&str, ArrayRef)> = vec![
-            ("episode_index", Arc::new(indices)),
-            ("tasks", Arc::new(tasks.finish())),
-            ("length", numbers(|e| e.length)),
-            ("data/chunk_index", numbers(|e| e.file / CHUNK_FILES)),
-            ("data/file_index", numbers(|e| e.file % CHUNK_FILES)),
-            ("dataset_from_index", numbers(|e| e.from)),
-            ("dataset_to_index", numbers(|e| e.from + e.length)),
-            ("meta/episodes/chunk_index", numbers(|_| 0)),
-            ("meta/episodes/file_index", numbers(|_| 0)),
-        ];
-        let field = |name: &str| match name {
-            "tasks" => Field::new(name, DataType::List(Arc::clone(&text)), true),
-            _ => Field::new(name, DataType::Int64, true),
-        };
-        let schema = Schema::new(columns.iter().map(|(n, _)| field(n)).collect::<Vec<_>>());
-        let columns = columns.into_iter().map(|(_, c)| c).collect();
-        let path = self.folder.join("meta/episodes/chunk-000/file-000.parquet");
-        write_table(&path, schema, columns, None)
-    }
 }
 
 impl PictureFormat {
@@ -432,30 +321,6 @@ impl PictureFormat {
     }
 }
 
-const IMAGES: &str = "observation.images.";
-
-fn image_key(camera: &str) -> String {
-    format!("{IMAGES}{camera}")
-}
-
-/// Numbers in an action: one a dimension, or one a motion primitive.
-fn width(space: &ActionSpace) -> usize {
-    match space {
-        ActionSpace::Primitives { names } | ActionSpace::Continuous { names } => names.len(),
-        ActionSpace::Binned { dimensions } => dimensions.len(),
-    }
-}
-
-/// An action as numbers: a motion primitive is a one among zeros.
-fn row(action: &Action, width: usize) -> Vec<f64> {
-    match action {
-        Action::Primitive(index) => (0..width)
-            .map(|i| f64::from(u8::from(i == *index)))
-            .collect(),
-        Action::Continuous(values) => values.iter().map(|v| f64::from(*v)).collect(),
-    }
-}
-
 /// Steps a second: the inverse of the median time between two, to the next whole number.
 fn rate(trajectory: &Trajectory) -> u32 {
     const DEFAULT: u32 = 5;
@@ -474,91 +339,4 @@ fn camera_list(cameras: &[CameraSpec]) -> String {
         .map(|c| format!("{} {}x{}", c.name, c.height, c.width))
         .collect();
     names.join(", ")
-}
-
-fn fields(cameras: &[CameraSpec], width: usize) -> Vec<Field> {
-    let mut fields: Vec<Field> = cameras
-        .iter()
-        .map(|c| Field::new(image_key(&c.name), DataType::Struct(picture_fields()), true))
-        .collect();
-    let action = match width {
-        1 => DataType::Float32,
-        _ => DataType::FixedSizeList(Arc::new(item()), width as i32),
-    };
-    fields.push(Field::new(ACTION, action, true));
-    fields.push(Field::new("timestamp", DataType::Float32, true));
-    for name in ["frame_index", "episode_index", "index", "task_index"] {
-        fields.push(Field::new(name, DataType::Int64, true));
-    }
-    fields
-}
-
-fn item() -> Field {
-    Field::new_list_field(DataType::Float32, true)
-}
-
-fn picture_fields() -> Fields {
-    Fields::from(vec![
-        Field::new("bytes", DataType::Binary, true),
-        Field::new("path", DataType::Utf8, true),
-    ])
-}
-
-fn picture_column(files: &[Vec<u8>], ending: &str) -> ArrayRef {
-    let bytes = BinaryArray::from_iter_values(files);
-    let paths = (0..files.len()).map(|i| format!("frame-{i:06}.{ending}"));
-    let paths = StringArray::from_iter_values(paths);
-    Arc::new(StructArray::new(
-        picture_fields(),
-        vec![Arc::new(bytes), Arc::new(paths)],
-        None,
-    ))
-}
-
-fn action_column(width: usize, values: Vec<f32>) -> Result<ArrayRef, String> {
-    let values = Arc::new(Float32Array::from(values));
-    if width == 1 {
-        return Ok(values);
-    }
-    FixedSizeListArray::try_new(Arc::new(item()), width as i32, values, None)
-        .map(|array| Arc::new(array) as ArrayRef)
-        .map_err(|e| e.to_string())
-}
-
-/// Snappy, which every reader of Parquet knows; images are compressed already.
-fn properties(note: Option<KeyValue>) -> WriterProperties {
-    WriterProperties::builder()
-        .set_created_by(concat!("catena ", env!("CARGO_PKG_VERSION")).to_owned())
-        .set_compression(Compression::SNAPPY)
-        .set_key_value_metadata(note.map(|n| vec![n]))
-        .build()
-}
-
-fn write_table(
-    path: &Path,
-    schema: Schema,
-    columns: Vec<ArrayRef>,
-    note: Option<KeyValue>,
-) -> Result<(), StorageError> {
-    make_parent(path)?;
-    let file = File::create(path).map_err(StorageError::io("create", path))?;
-    let schema = Arc::new(schema);
-    let wrong = |e: &dyn std::fmt::Display| fault(path, format!("cannot be written: {e}"));
-    let batch = RecordBatch::try_new(Arc::clone(&schema), columns).map_err(|e| wrong(&e))?;
-    let mut writer =
-        ArrowWriter::try_new(file, schema, Some(properties(note))).map_err(|e| wrong(&e))?;
-    writer.write(&batch).map_err(|e| wrong(&e))?;
-    writer.close().map_err(|e| wrong(&e))?;
-    Ok(())
-}
-
-fn write_json(path: &Path, value: &Value) -> Result<(), StorageError> {
-    make_parent(path)?;
-    let text = format!("{value:#}\n");
-    fs::write(path, text).map_err(StorageError::io("write", path))
-}
-
-fn make_parent(path: &Path) -> Result<(), StorageError> {
-    let folder = path.parent().unwrap_or(path);
-    fs::create_dir_all(folder).map_err(StorageError::io("create", folder))
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use serde_yaml::Spanned;
 
 use super::spec::{ActionsSpec, MappingSpec, Size};
-use super::{Mapping, StorageError};
+use super::{Mapping, StorageError, nearest};
 
 /// Mapping files are short; a larger file is some other one.
 const MAX_FILE_BYTES: u64 = 256 * 1024;
@@ -63,10 +63,12 @@ impl Mapping {
         }
         let spec: MappingSpec = serde_yaml::from_str_with_options(text, options).map_err(|e| {
             let place = e.location().map(|l| (l.line(), l.column()));
-            let message = e.without_snippet().to_string();
+            let told = e.without_snippet().to_string();
             // The reader says the place once more.
-            let message = message.split(" at line ").next().unwrap_or_default();
-            fault(path, place, one_line(message), PAGE)
+            let told = one_line(told.split(" at line ").next().unwrap_or_default());
+            let written = place.map_or("", |place| word_at(text, place));
+            let (message, help) = explained(&told, written);
+            fault(path, place, message, help)
         })?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let recordings = spec.recordings.value.0.iter();
@@ -216,6 +218,67 @@ fn repeated(names: &[String]) -> Option<&String> {
         .enumerate()
         .find(|(i, name)| names[..*i].contains(name))
         .map(|(_, name)| name)
+}
+
+/// The word that stands at a place, as far as it is one.
+fn word_at(text: &str, (line, column): (u64, u64)) -> &str {
+    const MAX_CHARS: usize = 40;
+    let line = text.lines().nth(line.saturating_sub(1) as usize);
+    let start = line.and_then(|l| {
+        let at = l.char_indices().nth(column.saturating_sub(1) as usize)?.0;
+        l.get(at..)
+    });
+    let rest = start.unwrap_or_default();
+    let end = rest
+        .char_indices()
+        .enumerate()
+        .find(|(count, (_, c))| *count == MAX_CHARS || matches!(c, ',' | '}' | ']' | '#' | ':'));
+    rest[..end.map_or(rest.len(), |(_, (at, _))| at)].trim()
+}
+
+/// What the reader says, in words of this format, and the way out.
+fn explained(told: &str, written: &str) -> (String, String) {
+    let page = || PAGE.to_owned();
+    let choice = told
+        .strip_prefix("unknown field `")
+        .or_else(|| told.strip_prefix("unknown variant `"))
+        .and_then(|rest| rest.split_once("`, expected "));
+    if let Some((found, known)) = choice {
+        let known = known.trim_start_matches("one of ").replace('`', "");
+        let names: Vec<&str> = known.split(", ").collect();
+        let near = nearest(found, names.iter().copied());
+        let near = near.map_or_else(String::new, |n| format!("Did you mean '{n}'? "));
+        return if told.starts_with("unknown field") {
+            let message = format!("there is no key '{found}' here");
+            (message, format!("{near}The keys are {known}; {PAGE}"))
+        } else {
+            let message = format!("'{found}' is none of {known}");
+            (message, format!("{near}Write one of them"))
+        };
+    }
+    if let Some(key) = told.strip_prefix("duplicate mapping key: ") {
+        let key = key.split(',').next().unwrap_or_default();
+        return (
+            format!("the key '{key}' is given twice"),
+            "Keep one of them".to_owned(),
+        );
+    }
+    if let Some(key) = told.strip_prefix("missing field ") {
+        return (
+            format!("the key {} is missing", key.replace('`', "'")),
+            page(),
+        );
+    }
+    match told {
+        "invalid floating point" => (format!("'{written}' is no number"), page()),
+        told if told.starts_with("invalid u") => (
+            format!("'{written}' is no whole number of at least 0"),
+            page(),
+        ),
+        "expected mapping start" => ("keys are expected here, 'key: value'".to_owned(), page()),
+        "unexpected end of input" => ("the file says nothing".to_owned(), page()),
+        _ => (told.to_owned(), page()),
+    }
 }
 
 fn one_line(text: &str) -> String {
