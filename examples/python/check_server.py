@@ -112,7 +112,7 @@ def many(policy_port, robot_port):
     seen = record(HOST, policy_port, robot_port, SEED)
     rows, failures, _ = measure(HOST, policy_port, seen, 32)
     expect(not failures, f"32 clients at once get through {failures[:1]}")
-    actions = {tuple(tuple(map(tuple, row[3])) for row in client) for client in rows}
+    actions = {tuple(tuple(map(tuple, row[2])) for row in client) for client in rows}
     expect(len(actions) == 1, "all of them get the same actions: none sees another's episode")
 
 

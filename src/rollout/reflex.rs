@@ -208,16 +208,22 @@ fn largest_change(before: &Observation, after: &Observation) -> f32 {
 fn square_means(image: &Image) -> impl Iterator<Item = f32> {
     let (height, width) = (image.height() as usize, image.width() as usize);
     let columns = width.div_ceil(SQUARE_PIXELS);
-    let mut sums = vec![(0_u32, 0_u32); columns * height.div_ceil(SQUARE_PIXELS) * 3];
-    for (i, value) in image.rgb().iter().enumerate() {
-        let (y, x, channel) = (i / 3 / width, i / 3 % width, i % 3);
-        let square = y / SQUARE_PIXELS * columns + x / SQUARE_PIXELS;
-        let (sum, count) = &mut sums[square * 3 + channel];
-        *sum += u32::from(*value);
-        *count += 1;
+    let mut squares = vec![([0_u32; 3], 0_u32); columns * height.div_ceil(SQUARE_PIXELS)];
+    for (y, row) in image.rgb().chunks_exact(3 * width.max(1)).enumerate() {
+        let squares = &mut squares[y / SQUARE_PIXELS * columns..][..columns];
+        for ((sums, count), pixels) in squares.iter_mut().zip(row.chunks(3 * SQUARE_PIXELS)) {
+            for rgb in pixels.chunks_exact(3) {
+                for (sum, value) in sums.iter_mut().zip(rgb) {
+                    *sum += u32::from(*value);
+                }
+                *count += 1;
+            }
+        }
     }
-    sums.into_iter()
-        .map(|(sum, count)| sum as f32 / count.max(1) as f32)
+    squares.into_iter().flat_map(|(sums, count)| {
+        let count = count.max(1) as f32;
+        sums.map(|sum| sum as f32 / count)
+    })
 }
 
 #[cfg(test)]

@@ -98,9 +98,15 @@ impl Conversation for Robot<'_> {
         }
         let mut news = Vec::new();
         if self.end.is_none() {
+            let stepping = Instant::now();
             let decision = self.controller.step(Arc::new(observation));
+            let step_ms = in_ms(stepping);
             match decision.map_err(|e| e.to_string())? {
-                Decision::Act(record) => return Ok(packed(self.context().act(&record), begun)),
+                Decision::Act(record) => {
+                    let mut reply = self.context().act(&record);
+                    reply.server_timing.step_ms = step_ms;
+                    return Ok(packed(reply, begun));
+                }
                 Decision::End {
                     end,
                     events,
@@ -134,6 +140,10 @@ impl Robot<'_> {
 }
 
 fn packed(mut reply: Reply<'_>, begun: Instant) -> Vec<u8> {
-    reply.server_timing.infer_ms = begun.elapsed().as_secs_f64() * 1e3;
+    reply.server_timing.infer_ms = in_ms(begun);
     super::pack(&reply)
+}
+
+fn in_ms(begun: Instant) -> f64 {
+    begun.elapsed().as_secs_f64() * 1e3
 }

@@ -79,6 +79,8 @@ pub(super) struct Told<'a> {
 pub(super) struct Timing {
     /// From the whole message to the packed answer.
     pub(super) infer_ms: f64,
+    /// The library's step as a whole; 0 where the episode was over.
+    pub(super) step_ms: f64,
     encode_ms: f64,
     localise_ms: f64,
     plan_ms: f64,
@@ -89,6 +91,7 @@ impl Timing {
     pub(super) fn new(times: StepTimes) -> Self {
         Self {
             infer_ms: 0.0,
+            step_ms: 0.0,
             encode_ms: times.encode_ms,
             localise_ms: times.localise_ms,
             plan_ms: times.plan_ms,
