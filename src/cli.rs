@@ -16,11 +16,13 @@ mod localise;
 mod progress;
 mod record;
 mod resume;
+mod revision;
 mod run;
 mod serve;
 mod shortcuts;
 mod simulate;
 mod train;
+mod training_config;
 mod trust;
 
 use std::process::ExitCode;

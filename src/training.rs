@@ -38,6 +38,7 @@ mod schedule;
 mod synthetic;
 mod trained_model;
 mod trainer;
+mod variant;
 mod weights;
 
 pub use config::{
@@ -55,3 +56,4 @@ pub use preset::Preset;
 pub use reference::ReferenceOutputs;
 pub use trained_model::TrainedModel;
 pub use trainer::{TrainingReport, train, train_on};
+pub use variant::NetworkVariant;

@@ -132,9 +132,21 @@ pub struct TrainArguments {
     /// Size of the network and length of the training.
     #[arg(long, default_value = "paper")]
     pub preset: String,
-    /// Seed of weights, batches and the split into training and validation.
-    #[arg(long, default_value_t = 1)]
-    pub seed: u64,
+    /// YAML or JSON with values that replace the preset's, under the names that `config.json` of a run
+    /// folder has; such a file as a whole repeats its training.
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// Where two states meet in the network: `latent_flow`, `siamese`, `frame_stacking` or
+    /// `pixel_difference`; widths are changed so that all have about as many weights.
+    #[arg(long)]
+    pub variant: Option<String>,
+    /// A camera that the network sees; may be given several times. By default all.
+    #[arg(long = "camera")]
+    pub cameras: Vec<String>,
+    /// Seed of weights, batches and the split into training and validation; 1 unless the file of
+    /// `--config` says otherwise.
+    #[arg(long)]
+    pub seed: Option<u64>,
     /// Go on from the last checkpoint of the run folder.
     #[arg(long)]
     pub resume: bool,

@@ -69,6 +69,33 @@ pub(super) enum CliError {
         /// What there is.
         known: String,
     },
+    /// A network variant that does not exist.
+    #[error("there is no network variant '{found}'; there are: {known}")]
+    UnknownVariant {
+        /// What was asked for.
+        found: String,
+        /// What there is.
+        known: String,
+    },
+    /// A file of `--config` that is no configuration of a training.
+    #[error(
+        "{}: {reason}; the names and their values are those of config.json in a run folder",
+        file.display()
+    )]
+    TrainingConfig {
+        /// The file.
+        file: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// A run folder cannot be made.
+    #[error("cannot create the run folder {}: {source}", run.display())]
+    RunFolder {
+        /// The folder.
+        run: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
     /// A share that is none.
     #[error(
         "--nearest is {share}; it is a share of all states, above 0 and at most 1, such as 0.05"

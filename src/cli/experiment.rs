@@ -1,7 +1,6 @@
 use std::fs;
 use std::io::Write;
 use std::path::Path;
-use std::process::Command;
 
 use serde::Serialize;
 
@@ -11,6 +10,7 @@ use super::arguments::{
 use super::error::CliError;
 use super::evaluate::{bedroom, episodes};
 use super::loaded::{Loaded, graph_digests};
+use super::revision::revision;
 use crate::composer::{Composition, compose_named};
 use crate::experiment::{
     ChainingCell, ChainingMethod, EpisodeResult, Evaluation, ScoredBedroom, chaining_table,
@@ -162,27 +162,8 @@ fn measure(
         &names,
         results,
     );
-    let commit = commit(&arguments.root);
+    let commit = revision(&arguments.root);
     Ok(ChainingCell::new(
         method, &judged, evaluation, digest, commit,
     ))
-}
-
-/// The commit of the working tree, with `-dirty` where files differ from it; none outside of one.
-fn commit(root: &Path) -> Option<String> {
-    let words = [
-        "describe",
-        "--always",
-        "--dirty",
-        "--abbrev=12",
-        "--exclude=*",
-    ];
-    let git = Command::new("git")
-        .arg("-C")
-        .arg(root)
-        .args(words)
-        .output()
-        .ok()?;
-    let text = String::from_utf8(git.stdout).ok()?;
-    git.status.success().then(|| text.trim().to_owned())
 }

@@ -7,15 +7,13 @@ use super::arguments::TrainArguments;
 use super::error::CliError;
 use super::loaded::{read_demonstrations, read_options};
 use super::progress;
+use super::training_config::{training_config, write_run};
 use crate::storage::{ReadOptions, Recordings};
-use crate::training::{
-    Preset, TrainingConfig, TrainingEvent, TrainingObserver, export, train as fit,
-};
+use crate::training::{TrainingEvent, TrainingObserver, export, train as fit};
 use crate::trajectory::{ActionDimension, ActionSpace, Binning, DemonstrationSet};
 
 /// `catena train`: demonstrations to a model in a folder of ONNX files.
 pub(super) fn train(arguments: &TrainArguments) -> Result<(), CliError> {
-    let config = config(arguments)?;
     let run_folder = arguments
         .run
         .clone()
@@ -28,6 +26,11 @@ pub(super) fn train(arguments: &TrainArguments) -> Result<(), CliError> {
         arguments.bins,
         &read_options(&arguments.read),
     )?;
+    let config = training_config(arguments, &sets)?;
+    config.check()?;
+    if !run_folder.join(CHECKPOINT).exists() {
+        write_run(&run_folder, &config, &digests)?;
+    }
     println!(
         "training on {} states of {} tasks; checkpoints and losses.csv in {}{}",
         sets.iter().map(DemonstrationSet::step_count).sum::<usize>(),
@@ -76,20 +79,6 @@ fn beside(model: &Path) -> PathBuf {
     let mut name = model.file_name().unwrap_or_default().to_owned();
     name.push(".run");
     model.with_file_name(name)
-}
-
-fn config(arguments: &TrainArguments) -> Result<TrainingConfig, CliError> {
-    let preset = Preset::parse(&arguments.preset).ok_or_else(|| CliError::UnknownPreset {
-        found: arguments.preset.clone(),
-        known: Preset::NAMES.map(|(name, _)| name).join(", "),
-    })?;
-    let mut config = preset.config();
-    config.seed = arguments.seed;
-    config.max_minutes = arguments.minutes;
-    if let Some(steps) = arguments.steps {
-        config.steps = steps as u64;
-    }
-    Ok(config)
 }
 
 /// Each path as a set of its own, or several of a dataset that has several tasks, with their digests by the

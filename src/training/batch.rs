@@ -117,10 +117,23 @@ impl Batcher<'_> {
         rng.set_stream(step + 1);
         let draw = self.sampler.draw(&mut rng);
         let variations = self.variations(&draw, &mut rng);
-        let targets = Targets::of(&draw, self.data, self.config);
+        let mut targets = Targets::of(&draw, self.data, self.config);
         let network = &self.config.network;
+        let joins_pixels = network.variant.joins_pixels();
+        if joins_pixels {
+            targets.thin(self.config.sampling.pixel_pairs / 3, &mut rng);
+        }
         let sizes = MaskSizes {
-            states: draw.states.len(),
+            encoded: if joins_pixels {
+                targets.traversability.len()
+            } else {
+                draw.states.len()
+            },
+            encoded_for_policy: if joins_pixels {
+                targets.policy.len()
+            } else {
+                0
+            },
             cameras: self.pictures.names.len(),
             blocks: network.encoder.stage_channels.len(),
             traversability_pairs: targets.traversability.len(),

@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::TrainingError;
+use super::{NetworkVariant, TrainingError};
 
 /// Everything that decides a training; with the same demonstrations it gives the same weights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,6 +29,8 @@ pub struct TrainingConfig {
     /// Stop training after so many minutes; the learning rate falls to its end by then. The weights
     /// then depend on the speed of the machine.
     pub max_minutes: Option<f64>,
+    /// Names of the cameras that the network sees, of those that the demonstrations have; empty means all.
+    pub cameras: Vec<String>,
     /// The network.
     pub network: NetworkConfig,
     /// How states and pairs are drawn.
@@ -41,10 +43,12 @@ pub struct TrainingConfig {
     pub optimiser: OptimiserConfig,
 }
 
-/// The latent-flow network.
+/// The network: the latent-flow network, or one of those that the paper compares it with.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NetworkConfig {
+    /// Where two states meet.
+    pub variant: NetworkVariant,
     /// The residual network of each camera.
     pub encoder: EncoderConfig,
     /// Width of the first layer of both heads; what a state is projected to.
@@ -81,6 +85,9 @@ pub struct EncoderConfig {
 pub struct SamplingConfig {
     /// States that are encoded in a step.
     pub states: usize,
+    /// Pairs that are encoded in a step by a network that joins two states in their pixels: each third of
+    /// them near, far and for the policy. As many as there are states is the same work a step.
+    pub pixel_pairs: usize,
     /// Consecutive states that are drawn together, so that they hold near pairs; at least `d_max`.
     pub window: usize,
     /// Far pairs that are scored in a step.
@@ -162,6 +169,7 @@ impl Default for TrainingConfig {
             checkpoint_every_steps: 250,
             patience_validations: None,
             max_minutes: None,
+            cameras: Vec::new(),
             network: NetworkConfig::default(),
             sampling: SamplingConfig::default(),
             imitation: ImitationConfig::default(),
@@ -174,6 +182,7 @@ impl Default for TrainingConfig {
 impl Default for NetworkConfig {
     fn default() -> Self {
         Self {
+            variant: NetworkVariant::LatentFlow,
             encoder: EncoderConfig::default(),
             projection_width: 256,
             hidden_width: 128,
@@ -200,6 +209,7 @@ impl Default for SamplingConfig {
     fn default() -> Self {
         Self {
             states: 96,
+            pixel_pairs: 96,
             window: 6,
             far_pairs: 1_024,
             look_alike_share: 0.0,
@@ -280,6 +290,12 @@ impl TrainingConfig {
             "sampling.window",
             sampling.window,
             "a window must hold pairs of every near class: at least d_max states",
+        )?;
+        demand(
+            sampling.pixel_pairs >= 3 * self.d_max || !self.network.variant.joins_pixels(),
+            "sampling.pixel_pairs",
+            sampling.pixel_pairs,
+            "each third of the pairs must be able to hold every class: at least 3 * d_max",
         )?;
         demand(
             sampling.states >= 2 * sampling.window,

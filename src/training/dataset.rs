@@ -81,6 +81,25 @@ impl Dataset {
         })
     }
 
+    /// The same demonstrations, seen by some of the cameras alone; no name leaves all.
+    ///
+    /// # Errors
+    /// [`TrainingError::CameraUnknown`] for one that the demonstrations do not have.
+    pub fn seen_by(mut self, cameras: &[String]) -> Result<Self, TrainingError> {
+        if let Some(unknown) = (cameras.iter()).find(|c| self.cameras.iter().all(|p| p.name != **c))
+        {
+            return Err(TrainingError::CameraUnknown {
+                camera: unknown.clone(),
+                present: printed(&self.cameras),
+            });
+        }
+        if !cameras.is_empty() {
+            self.cameras
+                .retain(|present| cameras.contains(&present.name));
+        }
+        Ok(self)
+    }
+
     /// Cameras of every state, by name.
     #[must_use]
     pub fn cameras(&self) -> &[CameraSpec] {

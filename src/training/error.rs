@@ -38,6 +38,14 @@ pub enum TrainingError {
         /// Its cameras, printed.
         found: String,
     },
+    /// A camera was asked for that the demonstrations do not have.
+    #[error("there is no camera '{camera}' to train with: the demonstrations have {present}")]
+    CameraUnknown {
+        /// The camera.
+        camera: String,
+        /// The cameras of the demonstrations, printed.
+        present: String,
+    },
     /// Two sets have different action spaces.
     #[error(
         "set '{set}' has {found}, set '{first_set}' has {expected}; one model needs one action space"

@@ -5,7 +5,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use super::batch::Pictures;
 use super::held_out_pairs::{across, far_pairs, look_alikes, missed_grasps};
 use super::loss::{indices, near_class, near_class_weights};
-use super::network::FlowHead;
+use super::network::HeadKind;
 use super::{Dataset, LatentFlowNetwork, StateRef, TrainingConfig, TrainingError};
 use crate::model::{ValidationMetrics, best_temperature};
 use crate::trajectory::State;
@@ -118,12 +118,18 @@ impl ValidationSet {
             .collect();
         let latents = encode(network, &states, pictures, device)
             .expect("the dataset has every camera in every observation");
-        let logits = score(&network.traversability, &latents, &self.pairs, device);
+        let logits = score(
+            network,
+            HeadKind::Traversability,
+            &latents,
+            &self.pairs,
+            device,
+        );
         let temperature = self.calibrate(&logits, config.d_max);
         let mut metrics = self.traversability(&logits, config.d_max);
         let calibrated = self.loss(&logits, config.d_max, temperature);
         let taken_for_near = |pairs: &[(u32, u32)]| {
-            let logits = score(&network.traversability, &latents, pairs, device);
+            let logits = score(network, HeadKind::Traversability, &latents, pairs, device);
             let rows = logits.chunks_exact(config.d_max);
             let near = rows.filter(|row| largest(row) != config.d_max - 1).count();
             near as f64 / pairs.len().max(1) as f64
@@ -132,10 +138,10 @@ impl ValidationSet {
         let missed = &self.missed_grasps;
         metrics.missed_grasp_wormhole_rate = (!missed.is_empty()).then(|| taken_for_near(missed));
         let pairs: Vec<_> = self.policy.iter().map(|p| self.pairs[*p]).collect();
-        let logits = score(&network.policy, &latents, &pairs, device);
+        let logits = score(network, HeadKind::Policy, &latents, &pairs, device);
         (metrics.policy_loss, metrics.policy_accuracy) = self.policy(&logits, &pairs, data);
         if !self.across.is_empty() {
-            let logits = score(&network.policy, &latents, &self.across, device);
+            let logits = score(network, HeadKind::Policy, &latents, &self.across, device);
             let (_, accuracy) = self.policy(&logits, &self.across, data);
             metrics.policy_accuracy_across = Some(accuracy);
         }
@@ -232,20 +238,26 @@ pub fn encode(
 
 /// Logits of pairs of rows of `latents`, pair after pair.
 pub fn score(
-    head: &FlowHead,
+    network: &LatentFlowNetwork,
+    head: HeadKind,
     latents: &Tensor<2>,
     pairs: &[(u32, u32)],
     device: &Device,
 ) -> Vec<f32> {
-    let (from, to) = head.project(latents.clone());
+    let (from, to) = network.project(head, latents.clone());
+    let at_once = if network.joins_pixels() {
+        ENCODED_AT_ONCE
+    } else {
+        SCORED_AT_ONCE
+    };
     let mut logits = Vec::new();
-    for chunk in pairs.chunks(SCORED_AT_ONCE) {
+    for chunk in pairs.chunks(at_once) {
         let rows = |pick: fn(&(u32, u32)) -> u32| -> Vec<i32> {
             chunk.iter().map(|p| pick(p) as i32).collect()
         };
         let left = from.clone().select(0, indices(&rows(|p| p.0), device));
         let reached = to.clone().select(0, indices(&rows(|p| p.1), device));
-        logits.extend(values(head.score(left, reached, None)));
+        logits.extend(values(network.score(head, left, reached, None)));
     }
     logits
 }

@@ -61,9 +61,10 @@ fn in_trajectory(
     let thumbnails: Vec<Vec<f32>> = (0..steps)
         .map(|step| {
             let observation = data.observation(at(step));
-            observation
-                .iter()
-                .flat_map(|(_, image)| thumbnail(image))
+            let images = data.cameras().iter();
+            images
+                .filter_map(|camera| observation.image(&camera.name).ok())
+                .flat_map(thumbnail)
                 .collect()
         })
         .collect();

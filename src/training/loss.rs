@@ -1,7 +1,12 @@
 //! The objective: `J_traversability + alpha * J_policy` (Fu & Finn, sections III-C, III-E, III-F).
 
+use std::ops::Range;
+
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
+use rand::distr::Distribution;
+use rand::distr::weighted::WeightedIndex;
+use rand_chacha::ChaCha8Rng;
 
 use super::sampler::Draw;
 use super::{Dataset, TrainingConfig};
@@ -33,6 +38,34 @@ impl WeightedPairs {
             head.push(*class as i32);
         }
         self.weights.push(weight);
+    }
+
+    /// Keeps `count` of the pairs within a range, drawn in proportion to their weights, and gives each the
+    /// same share of what they weighed together. The expected loss stays.
+    fn thin(&self, range: Range<usize>, count: usize, rng: &mut ChaCha8Rng) -> Self {
+        let weights = &self.weights[range.clone()];
+        let total: f32 = weights.iter().sum();
+        let mut kept = Self::default();
+        let Ok(draw) = WeightedIndex::new(weights) else {
+            return kept;
+        };
+        for _ in 0..count {
+            let pair = range.start + draw.sample(rng);
+            let classes: Vec<usize> = self.classes.iter().map(|c| c[pair] as usize).collect();
+            let rows = (self.from[pair] as usize, self.to[pair] as usize);
+            kept.push(rows, &classes, total / count as f32);
+        }
+        kept
+    }
+
+    fn extend(&mut self, other: &Self) {
+        self.from.extend(&other.from);
+        self.to.extend(&other.to);
+        self.classes.resize(other.classes.len(), Vec::new());
+        for (head, more) in self.classes.iter_mut().zip(&other.classes) {
+            head.extend(more);
+        }
+        self.weights.extend(&other.weights);
     }
 }
 
@@ -104,6 +137,17 @@ impl Targets {
             }
         }
         targets
+    }
+
+    /// Keeps `count` near pairs, as many others, and as many of the policy, drawn with replacement in
+    /// proportion to their weights: for networks for which each pair is costly. The expected loss stays.
+    pub fn thin(&mut self, count: usize, rng: &mut ChaCha8Rng) {
+        let all = self.traversability.len();
+        let mut kept = self.traversability.thin(0..self.near, count, rng);
+        let near = kept.len();
+        kept.extend(&self.traversability.thin(self.near..all, count, rng));
+        self.policy = self.policy.thin(0..self.policy.len(), count, rng);
+        (self.traversability, self.near) = (kept, near);
     }
 
     /// Goal states of other demonstrations, with the action that the state's own demonstration took.
@@ -182,6 +226,8 @@ pub fn weights(values: &[f32], device: &Device) -> Tensor<1> {
 
 #[cfg(test)]
 mod tests {
+    use rand_chacha::rand_core::SeedableRng;
+
     use super::*;
     use crate::training::sampler::NearPair;
     use crate::training::{StateRef, synthetic};
@@ -293,6 +339,25 @@ mod tests {
         for (weight, expected) in far.iter().zip([0.5, 0.5, 1.0, 0.25, 0.25]) {
             assert!((weight - expected).abs() < 1e-6, "{weight} {expected}");
         }
+    }
+
+    #[test]
+    fn thinned_pairs_weigh_what_all_did_and_are_drawn_by_weight() {
+        let data = Dataset::new(&[synthetic::demonstrations("a", 2, 9, 1)]).unwrap();
+        let mut config = TrainingConfig::default();
+        config.sampling.hard_share = 0.4;
+        let whole = Targets::of(&draw(), &data, &config);
+        let mut thin = whole.clone();
+        thin.thin(4_000, &mut ChaCha8Rng::seed_from_u64(1));
+        assert_eq!((thin.near, thin.traversability.len()), (4_000, 8_000));
+        let sum = |w: &[f32]| w.iter().sum::<f32>();
+        let (near, far) = thin.traversability.weights.split_at(thin.near);
+        assert!((sum(near) - 0.5).abs() < 1e-3 && (sum(far) - 2.5).abs() < 1e-2);
+        assert!((sum(&thin.policy.weights) - sum(&whole.policy.weights)).abs() < 1e-3);
+        // One pair in four is of class 1, and it weighs as much as the other three.
+        let later = thin.traversability.classes[0][..thin.near].iter();
+        let share = later.filter(|class| **class == 1).count() as f32 / 4_000.0;
+        assert!((share - 0.5).abs() < 0.03, "{share}");
     }
 
     #[test]

@@ -38,13 +38,20 @@ pub struct HeadMasks {
 /// All masks of a step as plain values, before they are moved to a device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaskValues {
-    states: usize,
-    /// A mask `[states]` for each residual block of each camera.
-    pub blocks: Vec<Vec<Vec<f32>>>,
+    /// Residual blocks, of the states, or of the traversability pairs where pairs are encoded.
+    pub blocks: BlockMasks,
+    /// Residual blocks of the policy pairs, where pairs are encoded.
+    pub policy_blocks: BlockMasks,
     /// First and second layer of the traversability head.
     pub traversability: MaskPair,
     /// First and second layer of the policy head.
     pub policy: MaskPair,
+}
+
+/// A mask for each residual block of each camera.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BlockMasks {
+    values: Vec<Vec<Vec<f32>>>,
 }
 
 /// Two tables with as many rows as there are pairs.
@@ -58,8 +65,10 @@ pub struct MaskPair {
 /// How many masks of which size a step needs.
 #[derive(Clone, Copy, Debug)]
 pub struct MaskSizes {
-    /// States in the batch.
-    pub states: usize,
+    /// States that are encoded, or traversability pairs where pairs are.
+    pub encoded: usize,
+    /// Policy pairs that are encoded; 0 where states are.
+    pub encoded_for_policy: usize,
     /// Cameras.
     pub cameras: usize,
     /// Residual blocks of a camera's encoder.
@@ -84,30 +93,34 @@ impl MaskValues {
         };
         let traversability = pair(sizes.traversability_pairs);
         let policy = pair(sizes.policy_pairs);
-        let blocks = (0..sizes.cameras)
-            .map(|_| {
-                (0..sizes.blocks)
-                    .map(|_| mask_values(sizes.states, 1, depth, rng))
-                    .collect()
-            })
-            .collect();
+        let mut blocks = |rows: usize| BlockMasks {
+            values: (0..sizes.cameras)
+                .map(|_| {
+                    (0..sizes.blocks)
+                        .map(|_| mask_values(rows, 1, depth, rng))
+                        .collect()
+                })
+                .collect(),
+        };
         Self {
-            states: sizes.states,
-            blocks,
+            blocks: blocks(sizes.encoded),
+            policy_blocks: blocks(sizes.encoded_for_policy),
             traversability,
             policy,
         }
     }
+}
 
-    /// The masks of each camera's blocks on a device, `[states, 1, 1, 1]` each.
-    pub fn block_tensors(&self, device: &Device) -> Vec<Vec<Tensor<4>>> {
-        self.blocks
+impl BlockMasks {
+    /// The masks of each camera's blocks on a device, `[rows, 1, 1, 1]` each.
+    pub fn tensors(&self, device: &Device) -> Vec<Vec<Tensor<4>>> {
+        self.values
             .iter()
             .map(|camera| {
                 camera
                     .iter()
                     .map(|values| {
-                        let shape = [self.states, 1, 1, 1];
+                        let shape = [values.len(), 1, 1, 1];
                         Tensor::from_data(TensorData::new(values.clone(), shape), device)
                     })
                     .collect()

@@ -2,8 +2,7 @@ use burn::tensor::{Device, Tensor};
 
 use super::batch::{Pictures, StepInput};
 use super::loss::{WeightedPairs, cross_entropies, indices, policy_entropies, weights};
-use super::masks::HeadMasks;
-use super::network::FlowHead;
+use super::network::{HeadKind, PairMasks};
 use super::{LatentFlowNetwork, StepLosses, TrainingConfig};
 
 /// The objective of a step, ready for its gradient.
@@ -24,14 +23,17 @@ impl Objective {
         heads: &[usize],
         device: &Device,
     ) -> Self {
-        let block_masks = input.masks.block_tensors(device);
+        let blocks = input.masks.blocks.tensors(device);
         let patches = pictures.tensors(input.patches, input.states, device);
-        let latents = network.encode(patches, Some(&block_masks));
+        let latents = network.encode(patches, Some(&blocks));
 
         let targets = &input.targets;
         let pairs = &targets.traversability;
-        let masks = input.masks.traversability.tensors(device);
-        let logits = score(&network.traversability, &latents, pairs, &masks);
+        let masks = PairMasks {
+            head: &input.masks.traversability.tensors(device),
+            blocks: &blocks,
+        };
+        let logits = score(network, HeadKind::Traversability, &latents, pairs, masks);
         let weighted = cross_entropies(logits, &pairs.classes[0]) * weights(&pairs.weights, device);
         let near = sum_of(&weighted, 0, targets.near, device);
         let far = sum_of(&weighted, targets.near, pairs.len(), device);
@@ -40,8 +42,11 @@ impl Objective {
         let policy = if pairs.len() == 0 {
             Tensor::zeros([1], device)
         } else {
-            let masks = input.masks.policy.tensors(device);
-            let logits = score(&network.policy, &latents, pairs, &masks);
+            let masks = PairMasks {
+                head: &input.masks.policy.tensors(device),
+                blocks: &input.masks.policy_blocks.tensors(device),
+            };
+            let logits = score(network, HeadKind::Policy, &latents, pairs, masks);
             let entropies = policy_entropies(&logits, &pairs.classes, heads);
             (entropies * weights(&pairs.weights, device)).sum()
         };
@@ -61,16 +66,17 @@ impl Objective {
 }
 
 fn score(
-    head: &FlowHead,
+    network: &LatentFlowNetwork,
+    head: HeadKind,
     latents: &Tensor<2>,
     pairs: &WeightedPairs,
-    masks: &HeadMasks,
+    masks: PairMasks<'_>,
 ) -> Tensor<2> {
     let device = latents.device();
-    let (from, to) = head.project(latents.clone());
+    let (from, to) = network.project(head, latents.clone());
     let from = from.select(0, indices(&pairs.from, &device));
     let to = to.select(0, indices(&pairs.to, &device));
-    head.score(from, to, Some(masks))
+    network.score(head, from, to, Some(masks))
 }
 
 fn sum_of(values: &Tensor<1>, start: usize, end: usize, device: &Device) -> Tensor<1> {

@@ -2,6 +2,7 @@ use burn::tensor::Device;
 
 use super::TrainedModel;
 use super::evaluation::{encode, score, values};
+use super::network::HeadKind;
 use crate::model::Latents;
 use crate::trajectory::{State, TrajectoryError};
 
@@ -35,13 +36,13 @@ impl TrainedModel {
     ) -> Result<ReferenceOutputs, TrajectoryError> {
         let device = Device::flex();
         let latents = encode(&self.network, states, &self.pictures(), &device)?;
-        let (from, to) = self.network.traversability.project(latents.clone());
-        let width = self.config.network.projection_width;
+        let (from, to) = (self.network).project(HeadKind::Traversability, latents.clone());
+        let width = self.projection_width();
         let actions = self.spec.action_space.head_sizes().iter().sum();
-        let of = |head| score(head, &latents, pairs, &device);
+        let of = |head| score(&self.network, head, &latents, pairs, &device);
         Ok(ReferenceOutputs {
-            traversability: Latents::from_values(self.spec.d_max, of(&self.network.traversability)),
-            policy: Latents::from_values(actions, of(&self.network.policy)),
+            traversability: Latents::from_values(self.spec.d_max, of(HeadKind::Traversability)),
+            policy: Latents::from_values(actions, of(HeadKind::Policy)),
             from: Latents::from_values(width, values(from)),
             to: Latents::from_values(width, values(to)),
             latents: Latents::from_values(self.spec.latent_dim, values(latents)),

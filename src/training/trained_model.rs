@@ -96,6 +96,16 @@ impl TrainedModel {
         })
     }
 
+    /// Values in each of a state's two projections.
+    #[must_use]
+    pub fn projection_width(&self) -> usize {
+        if self.network.joins_pixels() {
+            self.spec.latent_dim / 2
+        } else {
+            self.config.network.projection_width
+        }
+    }
+
     pub(super) fn pictures(&self) -> Pictures {
         pictures_of(&self.spec, &self.config, self.normalisation.clone())
     }
@@ -103,13 +113,20 @@ impl TrainedModel {
 
 /// What a model of a dataset takes and gives.
 pub(super) fn spec_of(data: &Dataset, config: &TrainingConfig) -> ModelSpec {
-    ModelSpec {
+    let network = &config.network;
+    let mut spec = ModelSpec {
         cameras: data.cameras().to_vec(),
         stack: config.stack,
         action_space: data.action_space().clone(),
         d_max: config.d_max,
-        latent_dim: data.cameras().len() * config.network.encoder.latent_dim,
+        latent_dim: data.cameras().len() * network.encoder.latent_dim,
+    };
+    if network.variant.joins_pixels() {
+        let grids = grids_of(&spec, config);
+        let positions: usize = grids.iter().map(PatchGrid::positions).sum();
+        spec.latent_dim = 2 * network.encoder.stem_channels * positions;
     }
+    spec
 }
 
 /// The cameras' patch grids.

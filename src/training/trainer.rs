@@ -68,7 +68,7 @@ pub fn train_on(
     observer: &mut dyn TrainingObserver,
 ) -> Result<TrainingReport, TrainingError> {
     config.check()?;
-    let data = Dataset::new(sets)?;
+    let data = Dataset::new(sets)?.seen_by(&config.cameras)?;
     std::fs::create_dir_all(run_folder).map_err(|source| TrainingError::Io {
         action: "create",
         path: run_folder.to_owned(),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::near;
 use crate::inference::{EngineChoice, Model};
 use crate::model::{Encoder, LocalPolicy, Traversability};
-use crate::training::{Dataset, Preset, ReferenceOutputs, TrainedModel, export};
+use crate::training::{Dataset, NetworkVariant, Preset, ReferenceOutputs, TrainedModel, export};
 use crate::trajectory::{
     Action, ActionSpace, DemonstrationSet, Image, Observation, State, Step, Trajectory,
 };
@@ -60,15 +60,18 @@ fn assert_near(what: &str, found: &[f32], expected: &[f32]) {
 
 /// A folder with an exported network of random weights, the same in every process, and states for it.
 pub fn exported() -> (tempfile::TempDir, Vec<State>) {
-    let (trained, states, ..) = trained();
+    let (trained, states, ..) = trained(NetworkVariant::LatentFlow);
     let folder = tempfile::tempdir().expect("a temporary folder");
     export(&trained, BTreeMap::new(), folder.path()).expect("the folder can be written");
     (folder, states)
 }
 
-fn trained() -> (TrainedModel, Vec<State>, Vec<(u32, u32)>, ReferenceOutputs) {
+fn trained(
+    variant: NetworkVariant,
+) -> (TrainedModel, Vec<State>, Vec<(u32, u32)>, ReferenceOutputs) {
     let trajectory = demonstration();
-    let config = Preset::Tiny.config();
+    let mut config = Preset::Tiny.config();
+    config.network.variant = variant;
     let states: Vec<State> = (0..STEPS)
         .map(|s| trajectory.state(s, config.stack))
         .collect();
@@ -91,7 +94,13 @@ fn trained() -> (TrainedModel, Vec<State>, Vec<(u32, u32)>, ReferenceOutputs) {
 
 #[test]
 fn exported_networks_agree_with_burn() {
-    let (trained, states, pairs, reference) = trained();
+    for (_, variant) in NetworkVariant::NAMES {
+        agrees_with_burn(variant);
+    }
+}
+
+fn agrees_with_burn(variant: NetworkVariant) {
+    let (trained, states, pairs, reference) = trained(variant);
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path().join("model");
     export(&trained, BTreeMap::new(), &folder).expect("the folder can be written");

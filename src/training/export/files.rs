@@ -55,7 +55,7 @@ fn manifest(
     ModelManifest {
         format_version: MODEL_FORMAT_VERSION,
         spec: model.spec.clone(),
-        projection_width: model.config.network.projection_width,
+        projection_width: model.projection_width(),
         temperature: model.temperature,
         files: files
             .iter()

@@ -1,41 +1,76 @@
 use burn::tensor::Tensor;
 
 use super::onnx::{Attribute, OnnxGraph};
-use crate::training::TrainedModel;
 use crate::training::evaluation::values;
 use crate::training::network::{
-    CameraEncoder, Dense, FlowHead, Keypoints, ResidualBlock, coordinate_values,
+    CameraEncoder, Dense, FlowHead, HeadKind, Keypoints, ResidualBlock, coordinate_values,
 };
 use crate::training::patches::PatchGrid;
+use crate::training::{ChannelNormalisation, TrainedModel};
 
 /// `encoder.onnx`: raw pixel values of each camera to the latent. Normalisation is inside.
 pub fn encoder(model: &TrainedModel) -> Vec<u8> {
     let mut graph = OnnxGraph::default();
     let pictures = model.pictures();
-    let mut latents = Vec::new();
-    for (camera, encoder) in model.network.encoders.iter().enumerate() {
-        let grid = &pictures.grids[camera];
-        let channels = 3 * grid.stack;
-        let dims = [channels, grid.height, grid.width];
-        let input = graph.input(&pictures.names[camera], &dims);
-        let normalisation = &model.normalisation[camera];
-        let of_channels = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
-            (0..channels).map(|c| value(c % 3)).collect()
-        };
-        let shape = [1, channels, 1, 1];
-        let mean = graph.constant(&shape, &of_channels(&|c| normalisation.mean[c]));
-        let deviation = graph.constant(&shape, &of_channels(&|c| normalisation.deviation[c]));
-        let centred = graph.node("Sub", &[&input, &mean], &[]);
-        let normalised = graph.node("Div", &[&centred, &deviation], &[]);
-        latents.push(camera_encoder(&mut graph, encoder, grid, &normalised));
+    let mut normalised = Vec::new();
+    for (camera, grid) in pictures.grids.iter().enumerate() {
+        let input = graph.input(
+            &pictures.names[camera],
+            &[3 * grid.stack, grid.height, grid.width],
+        );
+        normalised.push(normalise(
+            &mut graph,
+            &model.normalisation[camera],
+            grid,
+            &input,
+        ));
     }
-    let names: Vec<&str> = latents.iter().map(String::as_str).collect();
-    let latent = match names.as_slice() {
-        [one] => (*one).to_owned(),
-        _ => graph.node("Concat", &names, &[Attribute::Int("axis", 1)]),
-    };
+    let cameras: Vec<_> = (model.network.encoders.iter())
+        .zip(&pictures.grids)
+        .zip(&normalised)
+        .map(|((encoder, grid), input)| (encoder, grid, input.as_str()))
+        .collect();
+    let mut parts = Vec::new();
+    if model.network.joins_pixels() {
+        for half in [Half::Left, Half::Reached] {
+            for (encoder, grid, input) in &cameras {
+                parts.push(half_map(&mut graph, encoder, grid, input, half));
+            }
+        }
+    } else {
+        for (encoder, grid, input) in &cameras {
+            parts.push(camera_encoder(&mut graph, encoder, grid, input));
+        }
+    }
+    let latent = concat(&mut graph, &parts);
     graph.output("latent", &latent, &[model.spec.latent_dim]);
     graph.into_model("encoder")
+}
+
+fn normalise(
+    graph: &mut OnnxGraph,
+    normalisation: &ChannelNormalisation,
+    grid: &PatchGrid,
+    input: &str,
+) -> String {
+    let channels = 3 * grid.stack;
+    let of_channels = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
+        (0..channels).map(|c| value(c % 3)).collect()
+    };
+    let shape = [1, channels, 1, 1];
+    let mean = graph.constant(&shape, &of_channels(&|c| normalisation.mean[c]));
+    let deviation = graph.constant(&shape, &of_channels(&|c| normalisation.deviation[c]));
+    let centred = graph.node("Sub", &[input, &mean], &[]);
+    graph.node("Div", &[&centred, &deviation], &[])
+}
+
+/// Values `[n, ...]` one after another.
+fn concat(graph: &mut OnnxGraph, parts: &[String]) -> String {
+    let names: Vec<&str> = parts.iter().map(String::as_str).collect();
+    match names.as_slice() {
+        [one] => (*one).to_owned(),
+        _ => graph.node("Concat", &names, &[Attribute::Int("axis", 1)]),
+    }
 }
 
 fn camera_encoder(
@@ -44,8 +79,37 @@ fn camera_encoder(
     grid: &PatchGrid,
     input: &str,
 ) -> String {
-    let stem = stem(graph, &encoder.stem, grid, input);
-    let mut x = graph.node("Relu", &[&stem], &[]);
+    let (weight, bias) = (encoder.stem.weight.val(), encoder.stem.bias.val());
+    let stem = stem(graph, weight, Some(bias), grid, input);
+    after_first_layer(graph, encoder, &stem)
+}
+
+/// Which of the two states of a pair.
+#[derive(Clone, Copy)]
+enum Half {
+    Left,
+    Reached,
+}
+
+/// The first layer's map of a state as one of a pair, flattened.
+fn half_map(
+    graph: &mut OnnxGraph,
+    encoder: &CameraEncoder,
+    grid: &PatchGrid,
+    input: &str,
+    half: Half,
+) -> String {
+    let (from, to) = encoder.halves();
+    let map = match half {
+        Half::Left => stem(graph, from, Some(encoder.stem.bias.val()), grid, input),
+        Half::Reached => stem(graph, to, None, grid, input),
+    };
+    graph.node("Flatten", &[&map], &[Attribute::Int("axis", 1)])
+}
+
+/// From what the first layer made of a state, or of a pair, to the latent.
+fn after_first_layer(graph: &mut OnnxGraph, encoder: &CameraEncoder, map: &str) -> String {
+    let mut x = graph.node("Relu", &[map], &[]);
     let mut places = None;
     for (index, stage) in encoder.stages.iter().enumerate() {
         let merged = merge(graph, &stage.merge, &x);
@@ -86,14 +150,24 @@ fn keypoints(
 }
 
 /// The first layer: a matrix over patches while training, here the same as a convolution.
-fn stem(graph: &mut OnnxGraph, stem: &Dense, grid: &PatchGrid, input: &str) -> String {
-    let [_, channels] = stem.weight.val().dims();
+fn stem(
+    graph: &mut OnnxGraph,
+    weight: Tensor<2>,
+    bias: Option<Tensor<1>>,
+    grid: &PatchGrid,
+    input: &str,
+) -> String {
+    let [_, channels] = weight.dims();
     let shape = [channels, 3 * grid.stack, grid.kernel, grid.kernel];
-    let weight = graph.constant(&shape, &values(stem.weight.val().transpose()));
-    let bias = graph.constant(&[channels], &values(stem.bias.val()));
+    let weight = graph.constant(&shape, &values(weight.transpose()));
+    let bias = bias.map(|bias| graph.constant(&[channels], &values(bias)));
+    let inputs: Vec<&str> = [input, &weight]
+        .into_iter()
+        .chain(bias.as_deref())
+        .collect();
     graph.node(
         "Conv",
-        &[input, &weight, &bias],
+        &inputs,
         &[
             Attribute::Ints("kernel_shape", &[grid.kernel; 2]),
             Attribute::Ints("strides", &[grid.stride; 2]),
@@ -174,12 +248,17 @@ fn dense(graph: &mut OnnxGraph, dense: &Dense, input: &str) -> String {
     graph.node("Gemm", &[input, &weight, &bias], &[])
 }
 
-/// `projection.onnx`: a latent to what it brings to the first layer of the traversability head.
+/// `projection.onnx`: a latent to what it brings to a pair.
 pub fn projection(model: &TrainedModel) -> Vec<u8> {
     let mut graph = OnnxGraph::default();
     let latent = graph.input("latent", &[model.spec.latent_dim]);
-    let (from, to) = project(&mut graph, &model.network.traversability, &latent, &latent);
-    let width = model.config.network.projection_width;
+    let (from, to) = project(
+        &mut graph,
+        model,
+        HeadKind::Traversability,
+        [&latent, &latent],
+    );
+    let width = model.projection_width();
     graph.output("from", &from, &[width]);
     graph.output("to", &to, &[width]);
     graph.into_model("projection")
@@ -188,10 +267,10 @@ pub fn projection(model: &TrainedModel) -> Vec<u8> {
 /// `traversability.onnx`: projections of two states to logits.
 pub fn traversability(model: &TrainedModel) -> Vec<u8> {
     let mut graph = OnnxGraph::default();
-    let width = model.config.network.projection_width;
+    let width = model.projection_width();
     let from = graph.input("from", &[width]);
     let to = graph.input("to", &[width]);
-    let logits = score(&mut graph, &model.network.traversability, &from, &to);
+    let logits = score(&mut graph, model, HeadKind::Traversability, [&from, &to]);
     graph.output("logits", &logits, &[model.spec.d_max]);
     graph.into_model("traversability")
 }
@@ -201,14 +280,27 @@ pub fn policy(model: &TrainedModel) -> Vec<u8> {
     let mut graph = OnnxGraph::default();
     let from = graph.input("from", &[model.spec.latent_dim]);
     let goal = graph.input("goal", &[model.spec.latent_dim]);
-    let (from, to) = project(&mut graph, &model.network.policy, &from, &goal);
-    let logits = score(&mut graph, &model.network.policy, &from, &to);
+    let (from, to) = project(&mut graph, model, HeadKind::Policy, [&from, &goal]);
+    let logits = score(&mut graph, model, HeadKind::Policy, [&from, &to]);
     let classes = model.spec.action_space.head_sizes().iter().sum();
     graph.output("logits", &logits, &[classes]);
     graph.into_model("policy")
 }
 
-fn project(graph: &mut OnnxGraph, head: &FlowHead, left: &str, reached: &str) -> (String, String) {
+fn project(
+    graph: &mut OnnxGraph,
+    model: &TrainedModel,
+    head: HeadKind,
+    [left, reached]: [&str; 2],
+) -> (String, String) {
+    if model.network.joins_pixels() {
+        let width = model.projection_width();
+        return (
+            graph.columns(left, 0..width),
+            graph.columns(reached, width..2 * width),
+        );
+    }
+    let head = model.network.head(head);
     let (from, to) = head.split();
     let shape = from.dims();
     let from = graph.constant(&shape, &values(from));
@@ -220,9 +312,38 @@ fn project(graph: &mut OnnxGraph, head: &FlowHead, left: &str, reached: &str) ->
     )
 }
 
-fn score(graph: &mut OnnxGraph, head: &FlowHead, from: &str, to: &str) -> String {
+fn score(
+    graph: &mut OnnxGraph,
+    model: &TrainedModel,
+    head: HeadKind,
+    [from, to]: [&str; 2],
+) -> String {
+    let head = model.network.head(head);
     let sum = graph.node("Add", &[from, to], &[]);
-    let first = graph.node("Relu", &[&sum], &[]);
+    if !model.network.joins_pixels() {
+        return after_projection(graph, head, &sum);
+    }
+    let mut start = 0;
+    let mut latents = Vec::new();
+    for encoder in &model.network.encoders {
+        let len = encoder.map_len();
+        let map = graph.columns(&sum, start..start + len);
+        start += len;
+        let channels = len / (encoder.rows * encoder.columns);
+        let shape = graph.shape(&[0, channels, encoder.rows, encoder.columns]);
+        let map = graph.node("Reshape", &[&map, &shape], &[]);
+        latents.push(after_first_layer(graph, encoder, &map));
+    }
+    let latent = concat(graph, &latents);
+    let shape = head.from.val().dims();
+    let weight = graph.constant(&shape, &values(head.from.val()));
+    let bias = graph.constant(&[shape[1]], &values(head.bias.val()));
+    let projected = graph.node("Gemm", &[&latent, &weight, &bias], &[]);
+    after_projection(graph, head, &projected)
+}
+
+fn after_projection(graph: &mut OnnxGraph, head: &FlowHead, projected: &str) -> String {
+    let first = graph.node("Relu", &[projected], &[]);
     let hidden = dense(graph, &head.hidden, &first);
     let hidden = graph.node("Relu", &[&hidden], &[]);
     dense(graph, &head.output, &hidden)

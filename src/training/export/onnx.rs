@@ -98,6 +98,12 @@ impl OnnxGraph {
         self.stored(&[dims.len()], INT64, &raw)
     }
 
+    /// Some columns of a value `[n, m]`.
+    pub fn columns(&mut self, value: &str, range: std::ops::Range<usize>) -> String {
+        let [first, end, axis] = [range.start, range.end, 1].map(|index| self.shape(&[index]));
+        self.node("Slice", &[value, &first, &end, &axis], &[])
+    }
+
     fn stored(&mut self, dims: &[usize], kind: i64, raw: &[u8]) -> String {
         let name = format!("w{}", self.weights.len());
         let tensor = dims

@@ -1,10 +1,10 @@
-use burn::module::Module;
+use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use burn::tensor::activation::relu;
 
 use super::{Dense, Initialiser, Keypoints, StandardisedConvolution};
-use crate::training::EncoderConfig;
 use crate::training::patches::PatchGrid;
+use crate::training::{NetworkConfig, NetworkVariant};
 
 /// Variance of a residual branch's last weights at the start, so that a block begins close to passing
 /// its input on.
@@ -30,6 +30,11 @@ pub struct CameraEncoder {
     pub rows: usize,
     /// Columns of patches.
     pub columns: usize,
+    /// The first layer's other half, for the state that is to be reached, where two states are joined in
+    /// their pixels: `[patch_len, channels]`.
+    pub joined: Option<Param<Tensor<2>>>,
+    /// Whether the other half sees the difference to the first state.
+    pub sees_difference: bool,
 }
 
 /// A layer that halves rows and columns, and a residual block.
@@ -52,8 +57,12 @@ pub struct ResidualBlock {
 
 impl CameraEncoder {
     /// An encoder with random weights.
-    pub fn new(grid: &PatchGrid, config: &EncoderConfig, init: &mut Initialiser) -> Self {
-        let stem = Dense::new(grid.patch_len(), config.stem_channels, 2.0, init);
+    pub fn new(grid: &PatchGrid, network: &NetworkConfig, init: &mut Initialiser) -> Self {
+        let config = &network.encoder;
+        let joins = network.variant.joins_pixels();
+        // Two halves share the variance that one layer over both would have.
+        let gain = if joins { 1.0 } else { 2.0 };
+        let stem = Dense::new(grid.patch_len(), config.stem_channels, gain, init);
         let mut channels = config.stem_channels;
         let mut stages = Vec::new();
         for wider in &config.stage_channels {
@@ -69,16 +78,77 @@ impl CameraEncoder {
             .stage_channels
             .first()
             .filter(|_| config.keypoints > 0);
+        let keypoints = first
+            .map(|channels| Keypoints::new(*channels, config.keypoints, config.latent_dim, init));
+        let deviation = (gain / grid.patch_len() as f64).sqrt();
+        let shape = [grid.patch_len(), config.stem_channels];
         Self {
             stem,
             stages,
             latent,
-            keypoints: first.map(|channels| {
-                Keypoints::new(*channels, config.keypoints, config.latent_dim, init)
-            }),
+            keypoints,
             rows: grid.rows(),
             columns: grid.columns(),
+            joined: joins.then(|| init.normal(shape, deviation)),
+            sees_difference: network.variant == NetworkVariant::PixelDifference,
         }
+    }
+
+    /// Whether two states are joined in the first layer.
+    #[must_use]
+    pub fn joins_pixels(&self) -> bool {
+        self.joined.is_some()
+    }
+
+    /// Values of the first layer's map: channels x rows x columns.
+    #[must_use]
+    pub fn map_len(&self) -> usize {
+        self.stem.weight.val().dims()[1] * self.rows * self.columns
+    }
+
+    /// The first layer's matrices for a state that is left and one that is to be reached,
+    /// `[patch_len, channels]` each.
+    ///
+    /// # Panics
+    /// If states are not joined in their pixels.
+    #[must_use]
+    pub fn halves(&self) -> (Tensor<2>, Tensor<2>) {
+        let to = self.joined.as_ref().expect("two states are joined").val();
+        let from = self.stem.weight.val();
+        if self.sees_difference {
+            (from - to.clone(), to)
+        } else {
+            (from, to)
+        }
+    }
+
+    /// What the first layer makes of states as those that are left and as those to be reached; the sum of
+    /// two is what it makes of a pair. Patches `[n, positions, patch_len]` to twice `[n, map_len]`, channels
+    /// first.
+    #[must_use]
+    pub fn both_maps(&self, patches: Tensor<3>) -> (Tensor<2>, Tensor<2>) {
+        let [n, positions, patch_len] = patches.dims();
+        let patches = patches.reshape([n * positions, patch_len]);
+        let (from, to) = self.halves();
+        let channels = from.dims()[1];
+        let flat = |map: Tensor<2>| -> Tensor<2> {
+            map.reshape([n, positions, channels])
+                .swap_dims(1, 2)
+                .reshape([n, channels * positions])
+        };
+        let left = patches.clone().matmul(from) + self.stem.bias.val().unsqueeze();
+        (flat(left), flat(patches.matmul(to)))
+    }
+
+    /// Latents `[n, latent_dim]` of the first layer's maps `[n, map_len]`, channels first.
+    #[must_use]
+    pub fn of_map(&self, map: Tensor<2>, masks: Option<&[Tensor<4>]>) -> Tensor<2> {
+        let n = map.dims()[0];
+        let channels = self.stem.weight.val().dims()[1];
+        let map = map
+            .reshape([n, channels, self.rows, self.columns])
+            .permute([0, 2, 3, 1]);
+        self.after_first_layer(map, masks)
     }
 
     /// Patches `[n, positions, patch_len]` to latents `[n, latent_dim]`. A mask of a block is 0 for
@@ -90,7 +160,11 @@ impl CameraEncoder {
             .stem
             .forward(patches.reshape([n * positions, patch_len]));
         let channels = stem.dims()[1];
-        let mut x = relu(stem).reshape([n, self.rows, self.columns, channels]);
+        let map = relu(stem).reshape([n, self.rows, self.columns, channels]);
+        self.after_first_layer(map, masks)
+    }
+
+    fn after_first_layer(&self, mut x: Tensor<4>, masks: Option<&[Tensor<4>]>) -> Tensor<2> {
         let mut places = None;
         for (index, stage) in self.stages.iter().enumerate() {
             x = stage.merge(x);

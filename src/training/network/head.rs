@@ -3,8 +3,8 @@ use burn::tensor::Tensor;
 use burn::tensor::activation::relu;
 
 use super::Initialiser;
-use crate::training::NetworkConfig;
 use crate::training::masks::HeadMasks;
+use crate::training::{NetworkConfig, NetworkVariant};
 
 /// `x W + b`.
 #[derive(Module, Debug)]
@@ -36,15 +36,16 @@ impl Dense {
 ///
 /// Its first layer is linear in the three, so it is a sum of what each state brings:
 /// `W1 z + W2 z' + W3 (z' - z) + b = (W1 - W3) z + b + (W2 + W3) z'`. A state is projected once,
-/// however many pairs it is part of.
+/// however many pairs it is part of. A Siamese head has no `W3`; a head over one latent of a whole pair has
+/// `W1` alone.
 #[derive(Module, Debug)]
 pub struct FlowHead {
     /// `W1`, for the state that is left: `[latent_dim, width]`.
     pub from: Param<Tensor<2>>,
     /// `W2`, for the state that is to be reached.
-    pub to: Param<Tensor<2>>,
+    pub to: Option<Param<Tensor<2>>>,
     /// `W3`, for the change.
-    pub flow: Param<Tensor<2>>,
+    pub flow: Option<Param<Tensor<2>>>,
     /// `b`.
     pub bias: Param<Tensor<1>>,
     /// The second layer.
@@ -62,11 +63,19 @@ impl FlowHead {
         init: &mut Initialiser,
     ) -> Self {
         let width = config.projection_width;
-        let deviation = (2.0 / (3 * latent_dim) as f64).sqrt();
+        let is_flow = config.variant == NetworkVariant::LatentFlow;
+        let is_pair = config.variant.joins_pixels();
+        let inputs = match (is_flow, is_pair) {
+            (true, _) => 3,
+            (false, true) => 1,
+            (false, false) => 2,
+        };
+        let deviation = (2.0 / (inputs * latent_dim) as f64).sqrt();
+        let mut matrix = || init.normal([latent_dim, width], deviation);
         Self {
-            from: init.normal([latent_dim, width], deviation),
-            to: init.normal([latent_dim, width], deviation),
-            flow: init.normal([latent_dim, width], deviation),
+            from: matrix(),
+            to: (!is_pair).then(&mut matrix),
+            flow: is_flow.then(&mut matrix),
             bias: init.constant([width], 0.0),
             hidden: Dense::new(width, config.hidden_width, 2.0, init),
             output: Dense::new(config.hidden_width, outputs, 0.1, init),
@@ -75,15 +84,22 @@ impl FlowHead {
 
     /// The matrices that project a state: as the one that is left, `W1 - W3`, and as the one that is
     /// to be reached, `W2 + W3`.
+    ///
+    /// # Panics
+    /// If the head sees one latent of a whole pair.
     #[must_use]
     pub fn split(&self) -> (Tensor<2>, Tensor<2>) {
-        (
-            self.from.val() - self.flow.val(),
-            self.to.val() + self.flow.val(),
-        )
+        let to = self.to.as_ref().expect("a head over two states");
+        match &self.flow {
+            Some(flow) => (self.from.val() - flow.val(), to.val() + flow.val()),
+            None => (self.from.val(), to.val()),
+        }
     }
 
     /// Projects states, `[n, latent_dim]` to twice `[n, width]`; the bias is in the first.
+    ///
+    /// # Panics
+    /// As for [`split`](Self::split).
     #[must_use]
     pub fn project(&self, latents: Tensor<2>) -> (Tensor<2>, Tensor<2>) {
         let (from, to) = self.split();
@@ -93,10 +109,16 @@ impl FlowHead {
         )
     }
 
-    /// Logits of pairs whose states were projected, `[pairs, width]` twice to `[pairs, outputs]`.
+    /// The first layer over latents of whole pairs, `[pairs, latent_dim]` to `[pairs, width]`.
     #[must_use]
-    pub fn score(&self, from: Tensor<2>, to: Tensor<2>, masks: Option<&HeadMasks>) -> Tensor<2> {
-        let mut x = relu(from + to);
+    pub fn project_pair(&self, latents: Tensor<2>) -> Tensor<2> {
+        latents.matmul(self.from.val()) + self.bias.val().unsqueeze()
+    }
+
+    /// Logits `[pairs, outputs]` of what the first layer made of pairs, `[pairs, width]`.
+    #[must_use]
+    pub fn score(&self, projected: Tensor<2>, masks: Option<&HeadMasks>) -> Tensor<2> {
+        let mut x = relu(projected);
         if let Some(masks) = masks {
             x = x * masks.first.clone();
         }
@@ -131,7 +153,8 @@ mod tests {
 
         let flow = y.clone() - z.clone();
         let all = Tensor::cat(vec![z.clone(), y.clone(), flow], 1);
-        let weight = Tensor::cat(vec![head.from.val(), head.to.val(), head.flow.val()], 0);
+        let (to, flow) = (head.to.as_ref().unwrap(), head.flow.as_ref().unwrap());
+        let weight = Tensor::cat(vec![head.from.val(), to.val(), flow.val()], 0);
         let whole = all.matmul(weight) + head.bias.val().unsqueeze();
 
         let apart = head.project(z).0 + head.project(y).1;

@@ -1,0 +1,162 @@
+//! From the command line to the configuration of a training, and what of it a run folder keeps.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::arguments::TrainArguments;
+use super::error::CliError;
+use super::revision::revision;
+use crate::storage::write_file;
+use crate::training::{NetworkVariant, Preset, TrainingConfig, training_device};
+use crate::trajectory::DemonstrationSet;
+
+/// The configuration of a run, complete: given to `--config` it repeats the training.
+const CONFIG: &str = "config.json";
+/// Which program trained on what.
+const RECORD: &str = "run.json";
+
+/// The preset, with the values of a file in their places, and with what the flags say.
+pub(super) fn training_config(
+    arguments: &TrainArguments,
+    sets: &[DemonstrationSet],
+) -> Result<TrainingConfig, CliError> {
+    let mut config = preset(&arguments.preset)?;
+    if let Some(file) = &arguments.config {
+        config = overridden(&config, file)?;
+    }
+    if let Some(seed) = arguments.seed {
+        config.seed = seed;
+    }
+    if arguments.minutes.is_some() {
+        config.max_minutes = arguments.minutes;
+    }
+    if let Some(steps) = arguments.steps {
+        config.steps = steps as u64;
+    }
+    if arguments.variant.is_some() || !arguments.cameras.is_empty() {
+        let variant = arguments.variant.as_deref().map(variant).transpose()?;
+        let variant = variant.unwrap_or(config.network.variant);
+        let present = sets.first().map_or(0, |set| set.cameras().len());
+        config = config.matched(variant, &arguments.cameras, present);
+    }
+    Ok(config)
+}
+
+fn preset(name: &str) -> Result<TrainingConfig, CliError> {
+    let preset = Preset::parse(name).ok_or_else(|| CliError::UnknownPreset {
+        found: name.to_owned(),
+        known: Preset::NAMES.map(|(name, _)| name).join(", "),
+    })?;
+    Ok(preset.config())
+}
+
+fn variant(name: &str) -> Result<NetworkVariant, CliError> {
+    NetworkVariant::parse(name).ok_or_else(|| CliError::UnknownVariant {
+        found: name.to_owned(),
+        known: NetworkVariant::NAMES.map(|(name, _)| name).join(", "),
+    })
+}
+
+fn overridden(config: &TrainingConfig, file: &Path) -> Result<TrainingConfig, CliError> {
+    let failed = |reason: String| CliError::TrainingConfig {
+        file: file.to_owned(),
+        reason,
+    };
+    let text = fs::read_to_string(file).map_err(|e| failed(e.to_string()))?;
+    let values: Value = serde_yaml::from_str(&text).map_err(|e| failed(e.to_string()))?;
+    let mut whole = serde_json::to_value(config)?;
+    put(&mut whole, values);
+    serde_json::from_value(whole).map_err(|e| failed(e.to_string()))
+}
+
+/// Puts values in the places of those of the same name. Names that are not there are added, for the
+/// configuration to refuse.
+fn put(whole: &mut Value, values: Value) {
+    match (whole, values) {
+        (Value::Object(whole), Value::Object(values)) => {
+            for (name, value) in values {
+                put(whole.entry(name).or_insert(Value::Null), value);
+            }
+        }
+        (whole, value) => *whole = value,
+    }
+}
+
+#[derive(Serialize)]
+struct RunRecord<'a> {
+    version: &'static str,
+    commit: Option<String>,
+    seed: u64,
+    device: String,
+    demonstrations: &'a BTreeMap<String, String>,
+}
+
+/// Keeps the configuration of a training in its run folder, and with which version of the program and on
+/// which demonstrations, by their SHA-256, it was started.
+pub(super) fn write_run(
+    run_folder: &Path,
+    config: &TrainingConfig,
+    digests: &BTreeMap<String, String>,
+) -> Result<(), CliError> {
+    fs::create_dir_all(run_folder).map_err(|source| CliError::RunFolder {
+        run: run_folder.to_owned(),
+        source,
+    })?;
+    let record = RunRecord {
+        version: env!("CARGO_PKG_VERSION"),
+        commit: revision(Path::new(".")),
+        seed: config.seed,
+        device: format!("{:?}", training_device()),
+        demonstrations: digests,
+    };
+    let write = |name: &str, mut json: Vec<u8>| {
+        json.push(b'\n');
+        write_file(&run_folder.join(name), |file| file.write_all(&json))
+    };
+    write(CONFIG, serde_json::to_vec_pretty(config)?)?;
+    write(RECORD, serde_json::to_vec_pretty(&record)?)?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(text: &str) -> tempfile::NamedTempFile {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        fs::write(file.path(), text).unwrap();
+        file
+    }
+
+    #[test]
+    fn a_file_replaces_what_it_names_and_nothing_else() {
+        let preset = Preset::Bedroom.config();
+        let text = "seed: 9\nnetwork:\n  variant: siamese\n  encoder: {latent_dim: 64}\n";
+        let config = overridden(&preset, file(text).path()).unwrap();
+        let mut expected = preset.clone();
+        expected.seed = 9;
+        expected.network.variant = NetworkVariant::Siamese;
+        expected.network.encoder.latent_dim = 64;
+        assert_eq!(config, expected);
+        let whole = serde_json::to_string(&config).unwrap();
+        assert_eq!(overridden(&preset, file(&whole).path()).unwrap(), config);
+    }
+
+    #[test]
+    fn faults_name_the_file() {
+        let preset = Preset::Tiny.config();
+        for text in ["network: {stepz: 1}", "steps: many", "seed: [", "- 1"] {
+            let file = file(text);
+            let message = overridden(&preset, file.path()).unwrap_err().to_string();
+            assert!(
+                message.contains(&file.path().display().to_string()),
+                "{message}"
+            );
+        }
+    }
+}
