@@ -34,6 +34,7 @@ use arguments::{Arguments, Command};
 /// Runs the command line that the process was started with.
 #[must_use]
 pub fn main() -> ExitCode {
+    end_quietly_without_a_reader();
     let arguments = Arguments::parse();
     let done = match &arguments.command {
         Command::Record(a) => record::record(a),
@@ -56,4 +57,19 @@ pub fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Of a process whose output was piped into one that ended, such as `head`: what a shell says of it.
+const BROKEN_PIPE: i32 = 128 + 13;
+
+/// Where nobody reads the output any more there is nothing to tell and nobody to tell it to.
+fn end_quietly_without_a_reader() {
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        let said = panic.to_string();
+        if said.contains("failed printing to stdout") && said.contains("Broken pipe") {
+            std::process::exit(BROKEN_PIPE);
+        }
+        usual(panic);
+    }));
 }

@@ -15,7 +15,9 @@ mod graph_truth;
 mod interval;
 mod labelled_pairs;
 mod localisation;
+mod loss_curve;
 mod posture;
+mod rate_cell;
 mod reliability;
 mod replay;
 mod resumed;
@@ -37,6 +39,11 @@ pub use evaluation::{EpisodeResult, Evaluation, SubgoalTally};
 pub use graph_truth::{EdgeTally, FalseEdges};
 pub use interval::wilson_interval_95;
 pub use localisation::{LocalisationError, LocalisationScore};
+pub use loss_curve::{LossCurve, LossPoint, losses_table};
+pub use rate_cell::{
+    PAPER_TABLE_1, PAPER_TABLE_3, PAPER_TASKS, PublishedRate, RateCell, paper_rate, pooled,
+    rates_table,
+};
 pub use reliability::{Forecast, Reliability, ReliabilityBin};
 pub use replay::Replay;
 pub use resumed::ResumedBedroom;

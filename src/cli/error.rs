@@ -88,6 +88,44 @@ pub(super) enum CliError {
         /// Why not.
         reason: String,
     },
+    /// A method that the experiment does not have.
+    #[error("there is no method '{found}' in this experiment; there are: {known}")]
+    UnknownMethod {
+        /// What was asked for.
+        found: String,
+        /// What there is.
+        known: String,
+    },
+    /// Fewer recordings than an experiment needs.
+    #[error(
+        "{} has {found} recordings and the experiment needs {wanted}: record more (`catena record {task} \
+         --demos {wanted} --vary --out {}`), or ask for fewer with --demonstrations",
+        folder.display(),
+        folder.display()
+    )]
+    TooFewRecordings {
+        /// The folder.
+        folder: PathBuf,
+        /// The task.
+        task: String,
+        /// How many are there.
+        found: usize,
+        /// How many are needed.
+        wanted: usize,
+    },
+    /// A command of an experiment failed; what it printed says why.
+    #[error(
+        "this step of the experiment failed ({status}); mend it and call the experiment again, what is finished \
+         is kept:\n  {command}{said}"
+    )]
+    ExperimentStep {
+        /// The command.
+        command: String,
+        /// How it ended.
+        status: String,
+        /// What it said where that was not shown already.
+        said: String,
+    },
     /// A run folder cannot be made.
     #[error("cannot create the run folder {}: {source}", run.display())]
     RunFolder {

@@ -1,169 +1,49 @@
-use std::fs;
-use std::io::Write;
+//! `catena experiment`: tables and figures, finished cells kept as files.
+
+mod chaining;
+mod figure5;
+mod figure6;
+mod method;
+mod plan;
+mod rates;
+mod table2;
+mod workshop;
+
 use std::path::Path;
 
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 
-use super::arguments::{
-    Arguments, ChainingArguments, EvaluateArguments, ExperimentCommand, PlannerArgument,
-};
+use super::arguments::{Arguments, ExperimentCommand};
 use super::error::CliError;
-use super::evaluate::{bedroom, episodes};
-use super::loaded::{Loaded, graph_digests};
-use super::revision::revision;
-use crate::composer::{Composition, compose_named};
-use crate::experiment::{
-    ChainingCell, ChainingMethod, EpisodeResult, Evaluation, ScoredBedroom, chaining_table,
-};
-use crate::model::sha256_hex;
-use crate::rollout::Rollout;
-use crate::simulator::Bedroom;
 use crate::storage::write_file;
-use crate::view::{Rate, write_rates_svg};
 
-/// `catena experiment`: tables and figures, finished cells kept as files.
 pub(super) fn experiment(
     command: &ExperimentCommand,
     arguments: &Arguments,
 ) -> Result<(), CliError> {
     match command {
-        ExperimentCommand::Chaining(chaining_arguments) => chaining(chaining_arguments, arguments),
+        ExperimentCommand::Chaining(a) => chaining::chaining(a, arguments),
+        ExperimentCommand::Table1(a) => rates::table_1(a, arguments),
+        ExperimentCommand::Table2(a) => table2::table_2(a, arguments),
+        ExperimentCommand::Table3(a) => rates::table_3(a, arguments),
+        ExperimentCommand::Fig5(a) => figure5::figure_5(a, arguments),
+        ExperimentCommand::Fig6(a) => figure6::figure_6(a, arguments),
     }
 }
 
-/// What the figures of a cell depend on.
-#[derive(Serialize)]
-struct Ingredients<'a> {
-    method: ChainingMethod,
-    composition: String,
-    model: String,
-    graphs: &'a [String],
-    seed: u64,
-    episodes: usize,
-    level: String,
+/// What is kept in a file, if it can be read.
+fn kept<T: DeserializeOwned>(file: &Path) -> Option<T> {
+    serde_json::from_slice(&std::fs::read(file).ok()?).ok()
 }
 
-/// `catena experiment chaining`: a chain with all guards, and with each switched off in turn.
-fn chaining(chaining_arguments: &ChainingArguments, arguments: &Arguments) -> Result<(), CliError> {
-    let evaluated = &EvaluateArguments {
-        target: chaining_arguments.target.clone(),
-        composition: None,
-        episodes: chaining_arguments.episodes,
-        seed: chaining_arguments.seed,
-        json: false,
-        level: chaining_arguments.level,
-        nearest_states: None,
-        planner: PlannerArgument::InOrder,
-    };
-    let out = &chaining_arguments.out;
-    let mut cells = Vec::new();
-    for method in ChainingMethod::ALL {
-        let mut composition = compose_named(&evaluated.target, &arguments.root)?;
-        method.plan(&mut composition.planner, &mut composition.calibration);
-        let file = out.join(format!("{}.json", method.name()));
-        let loaded = Loaded::of(composition, arguments)?;
-        let graphs = graph_digests(&loaded.composition)?;
-        let ingredients = Ingredients {
-            method,
-            composition: described(&loaded.composition),
-            model: loaded.model.digest(),
-            graphs: &graphs,
-            seed: evaluated.seed,
-            episodes: evaluated.episodes,
-            level: format!("{:?}", bedroom(&loaded, evaluated)?.level),
-        };
-        let digest = sha256_hex(&serde_json::to_vec(&ingredients)?);
-        let cell = if let Some(cell) = kept(&file, &digest) {
-            println!("{}: kept from {}", method.described(), file.display());
-            cell
-        } else {
-            let cell = measure(method, &loaded, evaluated, arguments, digest)?;
-            let text = serde_json::to_string_pretty(&cell)?;
-            write_file(&file, |f| f.write_all(text.as_bytes()))?;
-            println!(
-                "{}: {:.0} % of {}",
-                method.described(),
-                100.0 * cell.success_rate,
-                cell.episodes
-            );
-            cell
-        };
-        cells.push(cell);
-    }
-    let table = chaining_table(&cells);
-    let name = &cells[0].evaluation.name;
-    let title = format!("{} with each guard switched off", name.replace('_', " "));
-    let table_file = out.join("table.md");
-    write_file(&table_file, |f| f.write_all(table.as_bytes()))?;
-    let rates: Vec<Rate> = cells.iter().map(rate).collect();
-    let picture = out.join("chaining.svg");
-    write_rates_svg(
-        &picture,
-        &rates,
-        &title,
-        Some(("the paper's robot: 2 of 10", 0.2)),
-    )?;
-    println!("\n{table}\nin {}", out.display());
-    Ok(())
+/// Keeps something as JSON in a file.
+fn keep(file: &Path, what: &impl Serialize) -> Result<(), CliError> {
+    let mut json = serde_json::to_vec_pretty(what)?;
+    json.push(b'\n');
+    write_text(file, &json)
 }
 
-fn rate(cell: &ChainingCell) -> Rate {
-    Rate {
-        label: cell.method.described().to_owned(),
-        rate: cell.success_rate,
-        interval: cell.interval_95,
-    }
-}
-
-/// A cell that was finished before, if it is of the same ingredients.
-fn kept(file: &Path, digest: &str) -> Option<ChainingCell> {
-    let cell: ChainingCell = serde_json::from_slice(&fs::read(file).ok()?).ok()?;
-    (cell.digest == digest).then_some(cell)
-}
-
-/// What of a composition its figures depend on, beyond model and graphs.
-fn described(composition: &Composition) -> String {
-    format!(
-        "{:?} {:?} {:?} {:?} {:?} {:?} {:?}",
-        composition.order,
-        composition.final_choice,
-        composition.start,
-        composition.on_shortcut,
-        composition.planner,
-        composition.calibration,
-        composition.limits
-    )
-}
-
-fn measure(
-    method: ChainingMethod,
-    loaded: &Loaded,
-    evaluated: &EvaluateArguments,
-    arguments: &Arguments,
-    digest: String,
-) -> Result<ChainingCell, CliError> {
-    let bedroom = bedroom(loaded, evaluated)?;
-    let planner = loaded.planner(loaded.composition.planner.clone())?;
-    let mut options = loaded.rollout_options(evaluated.nearest_states);
-    method.run(&mut options.filter, &mut options.on_shortcut);
-    let judged = loaded.composition.demonstrated_automaton();
-    let results = episodes(method.name(), evaluated, |seed| {
-        let mut room = ScoredBedroom::new(Bedroom::new(bedroom), &judged);
-        let mut rollout = Rollout::new(loaded.rollout_model(), planner.clone(), options.clone())?;
-        let episode = rollout.run(&mut room, seed, &mut ())?;
-        Ok(EpisodeResult::new(seed, &episode, room.score()))
-    })?;
-    let names: Vec<String> = judged.subgoals().iter().map(|s| s.name.clone()).collect();
-    let evaluation = Evaluation::new(
-        &loaded.composition.name,
-        &format!("{:?}", bedroom.level).to_lowercase(),
-        evaluated.seed,
-        loaded.model.engine().description(),
-        &names,
-        results,
-    );
-    let commit = revision(&arguments.root);
-    Ok(ChainingCell::new(
-        method, &judged, evaluation, digest, commit,
-    ))
+fn write_text(file: &Path, text: &[u8]) -> Result<(), CliError> {
+    Ok(write_file(file, |f| std::io::Write::write_all(f, text))?)
 }

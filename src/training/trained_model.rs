@@ -96,6 +96,12 @@ impl TrainedModel {
         })
     }
 
+    /// Number of weights of the network.
+    #[must_use]
+    pub fn weight_count(&self) -> usize {
+        collect(&self.network).iter().map(|w| w.values.len()).sum()
+    }
+
     /// Values in each of a state's two projections.
     #[must_use]
     pub fn projection_width(&self) -> usize {

@@ -2,6 +2,7 @@
 
 mod automaton;
 mod canvas;
+mod curves;
 mod edges;
 mod labels;
 mod legend;
@@ -13,6 +14,7 @@ use std::path::Path;
 
 pub use automaton::{automaton_svg, write_automaton_svg};
 use canvas::Canvas;
+pub use curves::{Panel, curves_svg, write_curves_svg};
 pub use rates::{Rate, rates_svg, write_rates_svg};
 
 use super::layout::{Frame, GraphLayout};

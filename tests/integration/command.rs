@@ -171,6 +171,22 @@ fn demonstrations_become_a_model_and_a_graph_that_belong_together() {
     assert!(!at("merged").exists(), "a refused merge leaves nothing");
 }
 
+#[cfg(unix)]
+#[test]
+fn a_reader_that_has_enough_ends_the_command_without_a_word() {
+    let piped = Command::new("sh")
+        .args([
+            "-c",
+            "\"$0\" graph show graphs/bedroom/sock --json | head -c 1",
+        ])
+        .arg(env!("CARGO_BIN_EXE_catena"))
+        .current_dir(root())
+        .output()
+        .expect("a shell");
+    assert_eq!(text(&piped.stdout), "{");
+    assert_eq!(text(&piped.stderr), "");
+}
+
 #[test]
 fn suspect_edges_of_a_shipped_graph_are_listed() {
     let show = |more: &[&str]| {

@@ -7,3 +7,4 @@ mod command;
 mod diagnostics;
 mod language;
 mod schemas;
+mod training;

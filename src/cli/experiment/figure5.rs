@@ -1,0 +1,132 @@
+//! Figure 5: losses of the networks on held-out demonstrations.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::method::{Method, TABLE_3, chosen};
+use super::plan::{QUICK_NOTE, Size, digest, out};
+use super::workshop::Workshop;
+use super::{keep, kept, write_text};
+use crate::cli::arguments::{Arguments, PaperArguments};
+use crate::cli::error::CliError;
+use crate::cli::revision::revision;
+use crate::experiment::{LossCurve, LossPoint, PAPER_TASKS, losses_table};
+use crate::training::TrainedModel;
+use crate::view::{Panel, write_curves_svg};
+
+const NAME: &str = "fig5";
+const DEMONSTRATIONS: usize = 20;
+const SEEDS: u64 = 3;
+
+/// `catena experiment fig5`.
+pub(super) fn figure_5(paper: &PaperArguments, arguments: &Arguments) -> Result<(), CliError> {
+    let size = Size::new(paper, &[DEMONSTRATIONS], SEEDS);
+    let methods = chosen(&TABLE_3, &paper.methods)?;
+    let out = out(paper, NAME);
+    let workshop = Workshop::open(paper, arguments)?;
+    if !paper.only_draw {
+        for seed in size.training_seed..size.training_seed + size.seeds {
+            for method in &methods {
+                for demonstrations in &size.demonstrations {
+                    measure(
+                        &workshop,
+                        method,
+                        *demonstrations,
+                        &size,
+                        seed,
+                        &out,
+                        arguments,
+                    )?;
+                }
+            }
+        }
+    }
+    draw(&out, &size)
+}
+
+fn curve_file(out: &Path, method: &str, seed: u64) -> PathBuf {
+    out.join(format!("{method}_seed{seed}.json"))
+}
+
+fn measure(
+    workshop: &Workshop<'_>,
+    method: &Method,
+    demonstrations: usize,
+    size: &Size,
+    seed: u64,
+    out: &Path,
+    arguments: &Arguments,
+) -> Result<(), CliError> {
+    let words = size.training(method, seed);
+    let told = PAPER_TASKS
+        .iter()
+        .map(|task| workshop.recordings_told(task))
+        .collect::<Result<Vec<_>, _>>()?;
+    let digest = digest(&(method.name, demonstrations, &words, told))?;
+    let file = curve_file(out, method.name, seed);
+    if kept::<LossCurve>(&file).is_some_and(|curve| curve.digest == digest) {
+        println!("kept: {}", file.display());
+        return Ok(());
+    }
+    let trained = workshop.trained(method, demonstrations, size, seed, false)?;
+    let csv = trained.run.join("losses.csv");
+    let text = fs::read_to_string(&csv).map_err(|source| CliError::Io { path: csv, source })?;
+    let model = TrainedModel::of_run(&trained.run)?;
+    let curve = LossCurve {
+        method: method.name.to_owned(),
+        demonstrations,
+        seed,
+        weights: model.as_ref().map_or(0, TrainedModel::weight_count),
+        digest,
+        commands: vec![format!("catena train ... {}", words.join(" "))],
+        commit: revision(&arguments.root),
+        is_quick: size.is_quick,
+        config: model.map_or(Ok(serde_json::Value::Null), |m| {
+            serde_json::to_value(&m.config)
+        })?,
+        points: LossPoint::of_csv(&text),
+    };
+    keep(&file, &curve)
+}
+
+/// Makes table and plot of all curves that are there.
+fn draw(out: &Path, size: &Size) -> Result<(), CliError> {
+    let mut curves: Vec<LossCurve> = Vec::new();
+    for method in TABLE_3 {
+        // Seeds of other calls count too.
+        let last = (size.training_seed + size.seeds).max(1 + SEEDS);
+        let kept = (0..last).filter_map(|seed| kept(&curve_file(out, method.name, seed)));
+        curves.extend(kept);
+    }
+    let rows = TABLE_3.map(|method| (method.name, method.described));
+    let mut table = losses_table(&curves, &rows);
+    if curves.iter().any(|curve| curve.is_quick) {
+        table = format!("{QUICK_NOTE}\n\n{table}");
+    }
+    write_text(&out.join("table.md"), table.as_bytes())?;
+    let panel = |label: &str, value: fn(&LossPoint) -> f64| Panel {
+        label: label.to_owned(),
+        lines: TABLE_3
+            .iter()
+            .filter_map(|method| {
+                let of_row: Vec<&LossCurve> =
+                    curves.iter().filter(|c| c.method == method.name).collect();
+                let mean = LossCurve::mean(&of_row);
+                let points = mean.iter().map(|p| [p.step as f64, value(p)]).collect();
+                (!of_row.is_empty()).then(|| (method.described.to_owned(), points))
+            })
+            .collect(),
+    };
+    let panels = [
+        panel("traversability", |p| p.traversability),
+        panel("policy", |p| p.policy),
+    ];
+    let title = if size.is_quick {
+        "Loss on held-out demonstrations (small version)"
+    } else {
+        "Loss on held-out demonstrations"
+    };
+    write_curves_svg(&out.join("fig5.svg"), &panels, title, "optimiser steps")?;
+    println!("\n{table}\nin {}", out.display());
+    Ok(())
+}

@@ -1,0 +1,236 @@
+//! Figure 6: how sure a method is of what to do first.
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::method::{BC, Method, OURS};
+use super::plan::{QUICK_NOTE, Size, digest, out};
+use super::workshop::{Trained, Workshop};
+use super::{keep, kept, write_text};
+use crate::cli::arguments::{Arguments, PaperArguments};
+use crate::cli::error::CliError;
+use crate::cli::loaded::Loaded;
+use crate::cli::revision::revision;
+use crate::environment::Environment;
+use crate::model::ActionDistribution;
+use crate::rollout::{Controller, Decision};
+use crate::simulator::Bedroom;
+use crate::trajectory::ActionSpace;
+use crate::view::{Rate, write_rates_svg};
+
+const NAME: &str = "fig6";
+const TASK: &str = "sock";
+const DEMONSTRATIONS: usize = 20;
+/// Actions that are listed.
+const LISTED: usize = 3;
+
+/// What a method would do first in some episodes.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct CertaintyCell {
+    method: String,
+    demonstrations: usize,
+    task: String,
+    episodes: usize,
+    seed: u64,
+    /// Mean over the episodes of the Shannon entropy of the first action, in nats.
+    entropy: f64,
+    /// Entropy in each episode.
+    entropies: Vec<f64>,
+    /// Mean probability of each action, the most probable first.
+    actions: Vec<(String, f64)>,
+    /// Standard deviation over the episodes of each of these probabilities.
+    deviations: Vec<f64>,
+    digest: String,
+    commit: Option<String>,
+    is_quick: bool,
+}
+
+/// `catena experiment fig6`.
+pub(super) fn figure_6(paper: &PaperArguments, arguments: &Arguments) -> Result<(), CliError> {
+    let size = Size::new(paper, &[DEMONSTRATIONS], 1);
+    let out = out(paper, NAME);
+    let workshop = Workshop::open(paper, arguments)?;
+    let demonstrations = size
+        .demonstrations
+        .first()
+        .copied()
+        .unwrap_or(DEMONSTRATIONS);
+    let mut cells = Vec::new();
+    for method in [BC, OURS] {
+        let file = out.join(format!("{}.json", method.name));
+        let words = size.training(&method, size.training_seed);
+        let told = workshop.recordings_told(TASK)?;
+        let digest = digest(&(
+            method.name,
+            demonstrations,
+            &words,
+            told,
+            size.episodes,
+            size.seed,
+        ))?;
+        let found = kept::<CertaintyCell>(&file);
+        if let Some(cell) = found.filter(|c| c.digest == digest || paper.only_draw) {
+            println!("kept: {}", file.display());
+            cells.push(cell);
+            continue;
+        }
+        if paper.only_draw {
+            continue;
+        }
+        let seed = size.training_seed;
+        let trained = workshop.trained(&method, demonstrations, &size, seed, true)?;
+        let (names, first) = first_actions(&method, &trained, &size, arguments)?;
+        let mut cell = summed_up(&names, &first);
+        method.name.clone_into(&mut cell.method);
+        cell.demonstrations = demonstrations;
+        cell.seed = size.seed;
+        cell.digest = digest;
+        cell.commit = revision(&arguments.root);
+        cell.is_quick = size.is_quick;
+        keep(&file, &cell)?;
+        cells.push(cell);
+    }
+    draw(&out, &cells)
+}
+
+/// The distribution of the first action in each episode, and the names of the actions.
+fn first_actions(
+    method: &Method,
+    trained: &Trained,
+    size: &Size,
+    arguments: &Arguments,
+) -> Result<(Vec<String>, Vec<ActionDistribution>), CliError> {
+    let rooted = Arguments::at(&trained.root, arguments.engine);
+    let loaded = Loaded::load(TASK, &rooted)?;
+    let planner = loaded.planner(loaded.composition.planner.clone())?;
+    let mut controller = Controller::new(
+        loaded.rollout_model(),
+        planner,
+        loaded.rollout_options(None),
+    )?;
+    let mut room = Bedroom::new(loaded.bedroom()?);
+    let mut first = Vec::new();
+    for seed in (size.seed..).take(size.episodes) {
+        controller.reset(seed);
+        let seen = room.reset(seed)?;
+        if let Decision::Act(record) = controller.step(Arc::new(seen))? {
+            first.push(record.distribution);
+        }
+    }
+    let _ = method;
+    Ok((names_of(&controller.spec().action_space)?, first))
+}
+
+/// Names of the classes of the first head.
+fn names_of(space: &ActionSpace) -> Result<Vec<String>, CliError> {
+    let classes = space.head_sizes().first().copied().unwrap_or(0);
+    let others = space.head_sizes().len().saturating_sub(1);
+    (0..classes)
+        .map(|class| {
+            let classes: Vec<usize> = [vec![class], vec![0; others]].concat();
+            Ok(space.name(&space.action(&classes)?))
+        })
+        .collect()
+}
+
+fn summed_up(names: &[String], first: &[ActionDistribution]) -> CertaintyCell {
+    let count = first.len().max(1) as f64;
+    let of_action = |action: usize| -> (f64, f64) {
+        let values = || first.iter().map(move |d| f64::from(d.heads[0][action]));
+        let mean = values().sum::<f64>() / count;
+        let spread = values().map(|p| (p - mean).powi(2)).sum::<f64>() / count;
+        (mean, spread.sqrt())
+    };
+    let mut actions: Vec<(String, (f64, f64))> = (names.iter().enumerate())
+        .map(|(action, name)| (name.clone(), of_action(action)))
+        .collect();
+    actions.sort_by(|a, b| b.1.0.total_cmp(&a.1.0));
+    let entropies: Vec<f64> = first.iter().map(|d| f64::from(d.entropy())).collect();
+    CertaintyCell {
+        method: String::new(),
+        demonstrations: 0,
+        task: TASK.to_owned(),
+        episodes: first.len(),
+        seed: 0,
+        entropy: entropies.iter().sum::<f64>() / count,
+        entropies,
+        deviations: actions
+            .iter()
+            .map(|(_, (_, deviation))| *deviation)
+            .collect(),
+        actions: actions
+            .into_iter()
+            .map(|(name, (mean, _))| (name, mean))
+            .collect(),
+        digest: String::new(),
+        commit: None,
+        is_quick: false,
+    }
+}
+
+fn draw(out: &Path, cells: &[CertaintyCell]) -> Result<(), CliError> {
+    let mut table = String::new();
+    if cells.iter().any(|cell| cell.is_quick) {
+        let _ = writeln!(table, "{QUICK_NOTE}\n");
+    }
+    table.push_str(
+        "| | entropy of the first action, nats | most probable actions |\n|---|---|---|\n",
+    );
+    let mut rates = Vec::new();
+    for cell in cells {
+        let listed: Vec<String> = (cell.actions.iter().take(LISTED))
+            .map(|(name, p)| format!("`{name}` {p:.2}"))
+            .collect();
+        let _ = writeln!(
+            table,
+            "| {}, {} demonstrations | **{:.2}** | {} |",
+            cell.method,
+            cell.demonstrations,
+            cell.entropy,
+            listed.join(", ")
+        );
+        for ((name, p), deviation) in cell.actions.iter().zip(&cell.deviations).take(LISTED) {
+            rates.push(Rate {
+                label: format!("{}: {name}", cell.method),
+                rate: *p,
+                interval: [(p - deviation).max(0.0), (p + deviation).min(1.0)],
+            });
+        }
+    }
+    table.push_str(
+        "| the paper's robot, BC | | `base_forward` 0.68, `base_turn_left` 0.31 |\n\
+         | the paper's robot, ours | | `base_forward` 0.99 |\n",
+    );
+    write_text(&out.join("table.md"), table.as_bytes())?;
+    write_rates_svg(
+        &out.join("fig6.svg"),
+        &rates,
+        "Probability of the first action of sock, with its spread",
+        None,
+    )?;
+    println!("\n{table}\nin {}", out.display());
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn actions_are_sorted_by_their_mean_and_an_even_choice_has_the_largest_entropy() {
+        let names = ["left", "right"].map(String::from);
+        let of = |p: f32| ActionDistribution {
+            heads: vec![vec![p, 1.0 - p]],
+        };
+        let cell = summed_up(&names, &[of(0.0), of(0.5)]);
+        assert_eq!(
+            cell.actions,
+            [("right".to_owned(), 0.75), ("left".to_owned(), 0.25)]
+        );
+        assert!((cell.entropy - std::f64::consts::LN_2 / 2.0).abs() < 1e-6);
+        assert!((cell.deviations[0] - 0.25).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,111 @@
+use crate::cli::error::CliError;
+
+/// What is trained and compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Method {
+    /// Its name in files.
+    pub(super) name: &'static str,
+    /// What it is, for people.
+    pub(super) described: &'static str,
+    /// What `catena train` is told for it.
+    pub(super) flags: &'static [&'static str],
+    /// Whether it plans over a graph; the baselines do not.
+    pub(super) plans: bool,
+}
+
+const fn planning(
+    name: &'static str,
+    described: &'static str,
+    flags: &'static [&'static str],
+) -> Method {
+    Method {
+        name,
+        described,
+        flags,
+        plans: true,
+    }
+}
+
+const fn baseline(
+    name: &'static str,
+    described: &'static str,
+    flags: &'static [&'static str],
+) -> Method {
+    Method {
+        name,
+        described,
+        flags,
+        plans: false,
+    }
+}
+
+/// This crate's way.
+pub(super) const OURS: Method = planning("ours", "ours: latent flow, two cameras, planned", &[]);
+/// Behaviour cloning.
+pub(super) const BC: Method = baseline("bc", "BC", &["--method", "bc"]);
+/// The pre-trained representation, which the user has to bring.
+pub(super) const MVP: &str = "mvp";
+
+/// The rows of Table I.
+pub(super) const TABLE_1: [Method; 5] = [
+    OURS,
+    BC,
+    baseline("bc_rnn", "BC-RNN", &["--method", "bc_rnn"]),
+    baseline("rt1", "RT-1", &["--method", "rt1"]),
+    baseline(MVP, "MVP", &["--method", "mvp"]),
+];
+
+/// The rows of Table III and the lines of Figure 5.
+pub(super) const TABLE_3: [Method; 6] = [
+    OURS,
+    planning("siamese", "Siamese", &["--variant", "siamese"]),
+    planning(
+        "pixel_difference",
+        "difference of pixels",
+        &["--variant", "pixel_difference"],
+    ),
+    planning(
+        "frame_stacking",
+        "stacked frames",
+        &["--variant", "frame_stacking"],
+    ),
+    planning("only_head", "head camera only", &["--camera", "head"]),
+    planning("only_wrist", "wrist camera only", &["--camera", "wrist"]),
+];
+
+/// Those methods that are asked for, in the order of the table; all where none is named.
+pub(super) fn chosen(all: &[Method], names: &[String]) -> Result<Vec<Method>, CliError> {
+    if let Some(unknown) = names.iter().find(|n| all.iter().all(|m| m.name != **n)) {
+        let known: Vec<&str> = all.iter().map(|m| m.name).collect();
+        return Err(CliError::UnknownMethod {
+            found: unknown.clone(),
+            known: known.join(", "),
+        });
+    }
+    let is_chosen = |m: &&Method| names.is_empty() || names.iter().any(|n| n == m.name);
+    Ok(all.iter().filter(is_chosen).copied().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn named_methods_are_taken_in_the_order_of_the_table() {
+        let named = ["rt1".to_owned(), "ours".to_owned()];
+        let names: Vec<&str> = chosen(&TABLE_1, &named)
+            .unwrap()
+            .iter()
+            .map(|m| m.name)
+            .collect();
+        assert_eq!(names, ["ours", "rt1"]);
+        assert_eq!(chosen(&TABLE_3, &[]).unwrap().len(), 6);
+        let message = chosen(&TABLE_1, &["siamese".to_owned()])
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.contains("siamese") && message.contains("bc_rnn"),
+            "{message}"
+        );
+    }
+}

@@ -1,0 +1,107 @@
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::method::Method;
+use crate::cli::arguments::PaperArguments;
+use crate::cli::error::CliError;
+use crate::model::sha256_hex;
+
+/// How large an experiment is.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Size {
+    /// Numbers of demonstrations of each task.
+    pub(super) demonstrations: Vec<usize>,
+    /// Episodes of each method and task.
+    pub(super) episodes: usize,
+    /// Seed of the first episode.
+    pub(super) seed: u64,
+    /// Seed of the first training.
+    pub(super) training_seed: u64,
+    /// Trainings with different seeds.
+    pub(super) seeds: u64,
+    /// Steps of training of our way and its variants.
+    pub(super) steps: u64,
+    /// Steps of training of a baseline at most.
+    pub(super) baseline_steps: u64,
+    /// Whether it is the small version.
+    pub(super) is_quick: bool,
+}
+
+/// Steps of a whole training; losses are flat by then.
+const STEPS: u64 = 4_400;
+const BASELINE_STEPS: u64 = 4_000;
+const EPISODES: usize = 100;
+/// What fits into 20 minutes on 2 cores.
+const QUICK_STEPS: u64 = 200;
+const QUICK_EPISODES: usize = 4;
+const QUICK_DEMONSTRATIONS: usize = 10;
+
+impl Size {
+    /// What is asked for; `demonstrations` and `seeds` are those of the paper.
+    pub(super) fn new(arguments: &PaperArguments, demonstrations: &[usize], seeds: u64) -> Self {
+        let quick = arguments.quick;
+        let (steps, baseline_steps, episodes) = if quick {
+            (QUICK_STEPS, QUICK_STEPS, QUICK_EPISODES)
+        } else {
+            (STEPS, BASELINE_STEPS, EPISODES)
+        };
+        let few = [QUICK_DEMONSTRATIONS];
+        let usual = if quick { &few[..] } else { demonstrations };
+        Self {
+            demonstrations: if arguments.demonstrations.is_empty() {
+                usual.to_vec()
+            } else {
+                arguments.demonstrations.clone()
+            },
+            episodes: arguments.episodes.unwrap_or(episodes),
+            seed: arguments.seed,
+            training_seed: arguments.training_seed,
+            seeds: if quick { 1 } else { seeds },
+            steps: arguments.steps.unwrap_or(steps),
+            baseline_steps: arguments.baseline_steps.unwrap_or(baseline_steps),
+            is_quick: quick,
+        }
+    }
+
+    /// Steps of a method's training at most.
+    pub(super) fn steps_of(&self, method: &Method) -> u64 {
+        if method.plans {
+            self.steps
+        } else {
+            self.baseline_steps
+        }
+    }
+
+    /// What `catena train` is told of a method's training, beside what goes in and where it goes out.
+    pub(super) fn training(&self, method: &Method, seed: u64) -> Vec<String> {
+        let steps = self.steps_of(method);
+        let mut words: Vec<String> = ["--preset", "bedroom"].map(str::to_owned).to_vec();
+        words.extend(method.flags.iter().map(|w| (*w).to_owned()));
+        words.extend(["--steps".to_owned(), steps.to_string()]);
+        words.extend(["--seed".to_owned(), seed.to_string()]);
+        words
+    }
+}
+
+/// Where an experiment's cells go.
+pub(super) fn out(arguments: &PaperArguments, name: &str) -> PathBuf {
+    arguments.out.clone().unwrap_or_else(|| {
+        let parent = if arguments.quick {
+            "out/quick"
+        } else {
+            "results"
+        };
+        PathBuf::from(parent).join(name)
+    })
+}
+
+/// A digest of what a cell depends on.
+pub(super) fn digest(of: &impl Serialize) -> Result<String, CliError> {
+    let version = env!("CARGO_PKG_VERSION");
+    Ok(sha256_hex(&serde_json::to_vec(&(version, of))?))
+}
+
+/// What is said of the small version.
+pub(super) const QUICK_NOTE: &str = "small version (--quick): few demonstrations and episodes, a training that \
+     ends long before its losses do; it shows that everything runs, not how well it works";

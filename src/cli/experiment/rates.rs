@@ -1,0 +1,202 @@
+//! Tables I and III: how often each method does each task.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use super::method::{Method, TABLE_1, TABLE_3, chosen};
+use super::plan::{QUICK_NOTE, Size, digest, out};
+use super::workshop::{Trained, Workshop, evaluation, shown};
+use super::{keep, kept, write_text};
+use crate::cli::arguments::{Arguments, PaperArguments};
+use crate::cli::error::CliError;
+use crate::cli::revision::revision;
+use crate::experiment::{
+    Evaluation, PAPER_TABLE_1, PAPER_TABLE_3, PAPER_TASKS, PublishedRate, RateCell, pooled,
+    rates_table,
+};
+use crate::storage::sha256_file;
+use crate::view::{Rate, write_rates_svg};
+
+/// An experiment of this kind.
+struct Table {
+    name: &'static str,
+    title: &'static str,
+    methods: &'static [Method],
+    demonstrations: &'static [usize],
+    paper: &'static [PublishedRate],
+}
+
+/// `catena experiment table1`.
+pub(super) fn table_1(paper: &PaperArguments, arguments: &Arguments) -> Result<(), CliError> {
+    let table = Table {
+        name: "table1",
+        title: "Table I: success on sock, trash and wine",
+        methods: &TABLE_1,
+        demonstrations: &[10, 20, 30],
+        paper: &PAPER_TABLE_1,
+    };
+    table.make(paper, arguments)
+}
+
+/// `catena experiment table3`.
+pub(super) fn table_3(paper: &PaperArguments, arguments: &Arguments) -> Result<(), CliError> {
+    let table = Table {
+        name: "table3",
+        title: "Table III: success on sock, trash and wine",
+        methods: &TABLE_3,
+        demonstrations: &[20],
+        paper: &PAPER_TABLE_3,
+    };
+    table.make(paper, arguments)
+}
+
+impl Table {
+    fn make(&self, paper: &PaperArguments, arguments: &Arguments) -> Result<(), CliError> {
+        let size = Size::new(paper, self.demonstrations, 1);
+        let methods = chosen(self.methods, &paper.methods)?;
+        let out = out(paper, self.name);
+        let workshop = Workshop::open(paper, arguments)?;
+        if !paper.only_draw {
+            for demonstrations in &size.demonstrations {
+                for method in methods.iter().filter(|m| workshop.can_train(m)) {
+                    measure(&workshop, method, *demonstrations, &size, &out, arguments)?;
+                }
+            }
+        }
+        self.draw(&out, &size)
+    }
+
+    /// Makes table and plot of all cells that are there, whichever call measured them.
+    fn draw(&self, out: &Path, size: &Size) -> Result<(), CliError> {
+        let mut cells = Vec::new();
+        let mut rows = Vec::new();
+        let mut numbers: Vec<usize> = [self.demonstrations, &size.demonstrations].concat();
+        numbers.sort_unstable();
+        numbers.dedup();
+        for demonstrations in numbers {
+            for method in self.methods {
+                let of_row = PAPER_TASKS
+                    .iter()
+                    .filter_map(|task| kept(&cell_file(out, method, demonstrations, task)));
+                let before = cells.len();
+                cells.extend(of_row);
+                if cells.len() > before || self.demonstrations.contains(&demonstrations) {
+                    rows.push((method.name, method.described, demonstrations));
+                }
+            }
+        }
+        let mut table = rates_table(&cells, &rows, self.paper);
+        if cells.iter().any(|cell| cell.is_quick) {
+            table = format!("{QUICK_NOTE}\n\n{table}");
+        }
+        write_text(&out.join("table.md"), table.as_bytes())?;
+        let bar = |(name, described, demonstrations): &(&str, &str, usize)| {
+            let of_row = cells
+                .iter()
+                .filter(|c| c.method == *name && c.demonstrations == *demonstrations);
+            let (rate, interval) = pooled(of_row)?;
+            Some(Rate {
+                label: format!("{described}, {demonstrations} demonstrations"),
+                rate,
+                interval,
+            })
+        };
+        let rates: Vec<Rate> = rows.iter().filter_map(bar).collect();
+        let title = if size.is_quick {
+            format!("{} (small version)", self.title)
+        } else {
+            self.title.to_owned()
+        };
+        write_rates_svg(
+            &out.join(format!("{}.svg", self.name)),
+            &rates,
+            &title,
+            None,
+        )?;
+        println!("\n{table}\nin {}", out.display());
+        Ok(())
+    }
+}
+
+fn cell_file(out: &Path, method: &Method, demonstrations: usize, task: &str) -> PathBuf {
+    out.join(format!("{}_{demonstrations}_{task}.json", method.name))
+}
+
+/// Measures the cells of a method that are not there yet, training it if there is one.
+fn measure(
+    workshop: &Workshop<'_>,
+    method: &Method,
+    demonstrations: usize,
+    size: &Size,
+    out: &Path,
+    arguments: &Arguments,
+) -> Result<(), CliError> {
+    let seed = size.training_seed;
+    let words = size.training(method, seed);
+    let mut trained: Option<Trained> = None;
+    for task in PAPER_TASKS {
+        let told = PAPER_TASKS
+            .iter()
+            .map(|task| workshop.recordings_told(task))
+            .collect::<Result<Vec<_>, _>>()?;
+        let episodes = (task, size.episodes, size.seed);
+        let digest = digest(&(method.name, demonstrations, &words, told, episodes))?;
+        let file = cell_file(out, method, demonstrations, task);
+        if kept::<RateCell>(&file).is_some_and(|cell| cell.digest == digest) {
+            println!("kept: {}", file.display());
+            continue;
+        }
+        if trained.is_none() {
+            trained = Some(workshop.trained(method, demonstrations, size, seed, true)?);
+        }
+        let Some(trained) = &trained else { continue };
+        let command = evaluation(trained, task, size);
+        let evaluation: Evaluation = workshop.json(&command, None)?;
+        let cell = RateCell {
+            method: method.name.to_owned(),
+            demonstrations,
+            task: task.to_owned(),
+            episodes: evaluation.episodes,
+            seed: evaluation.seed,
+            success_rate: evaluation.success_rate,
+            interval_95: evaluation.interval_95,
+            digest,
+            commands: vec![
+                format!("catena train ... {}", words.join(" ")),
+                shown(&command).replace(&trained.root.display().to_string(), "..."),
+            ],
+            digests: digests_of(trained)?,
+            commit: revision(&arguments.root),
+            is_quick: size.is_quick,
+            evaluation,
+        };
+        keep(&file, &cell)?;
+        println!(
+            "{}, {demonstrations} demonstrations, {task}: {:.0} % of {}",
+            method.described,
+            100.0 * cell.success_rate,
+            cell.episodes
+        );
+    }
+    Ok(())
+}
+
+/// Digests of a model's manifest and of the recordings that it says it was trained on.
+fn digests_of(trained: &Trained) -> Result<BTreeMap<String, String>, CliError> {
+    let file = trained.model.join("manifest.json");
+    let mut digests = BTreeMap::from([("model".to_owned(), sha256_file(&file)?)]);
+    let manifest: Value = fs::read(&file)
+        .ok()
+        .and_then(|text| serde_json::from_slice(&text).ok())
+        .unwrap_or_default();
+    let datasets = manifest["training"]["datasets"].as_object();
+    for (task, digest) in datasets.into_iter().flatten() {
+        if let Some(digest) = digest.as_str() {
+            digests.insert(format!("demonstrations of {task}"), digest.to_owned());
+        }
+    }
+    Ok(digests)
+}

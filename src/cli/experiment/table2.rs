@@ -1,0 +1,196 @@
+//! Table II: time that a step takes.
+
+use std::fmt::Write as _;
+
+use serde::{Deserialize, Serialize};
+
+use super::method::{Method, OURS, TABLE_1, chosen};
+use super::plan::{Size, digest, out};
+use super::workshop::{Workshop, evaluation, shown};
+use super::{keep, kept, write_text};
+use crate::cli::arguments::{Arguments, PaperArguments};
+use crate::cli::error::CliError;
+use crate::cli::revision::revision;
+use crate::experiment::Evaluation;
+
+const NAME: &str = "table2";
+/// Training does not change how long a network takes.
+const STEPS: u64 = 20;
+/// The task whose steps are timed: one with a graph of middle size.
+const TASK: &str = "trash";
+/// The engines as `--engine` names them, and what they are.
+const ENGINES: [(&str, &str); 2] = [("native", "ONNX Runtime"), ("embedded", "tract")];
+/// What the paper measured on an Intel NUC: method, demonstrations (0 for any), milliseconds.
+const PAPER: [(&str, usize, f64); 6] = [
+    ("ours", 10, 23.0),
+    ("ours", 30, 32.0),
+    ("bc", 0, 8.0),
+    ("bc_rnn", 0, 10.0),
+    ("rt1", 0, 130.0),
+    ("mvp", 0, 230.0),
+];
+
+/// The time of a method's step with one engine.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct TimeCell {
+    method: String,
+    demonstrations: usize,
+    engine: String,
+    /// Milliseconds to see, localise, plan and act at the median.
+    step_median_ms: f64,
+    /// 99th percentile.
+    step_p99_ms: f64,
+    /// Steps that were timed.
+    steps: usize,
+    /// Processors of the machine.
+    cores: usize,
+    digest: String,
+    commands: Vec<String>,
+    commit: Option<String>,
+}
+
+/// `catena experiment table2`: one episode at a time, as on a robot.
+pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(), CliError> {
+    let mut size = Size::new(paper, &[10, 30], 1);
+    size.steps = paper.steps.unwrap_or(STEPS);
+    size.baseline_steps = paper.baseline_steps.unwrap_or(STEPS);
+    size.episodes = 1;
+    let out = out(paper, NAME);
+    let workshop = Workshop::open(paper, arguments)?;
+    let methods = chosen(&TABLE_1, &paper.methods)?;
+    let mut cells = Vec::new();
+    for (method, demonstrations) in rows(&methods, &size.demonstrations) {
+        for (engine, described) in ENGINES {
+            let file = out.join(format!("{}_{demonstrations}_{engine}.json", method.name));
+            let words = size.training(&method, size.training_seed);
+            let cores = std::thread::available_parallelism().map_or(1, usize::from);
+            let digest = digest(&(
+                method.name,
+                demonstrations,
+                engine,
+                &words,
+                size.seed,
+                cores,
+            ))?;
+            if let Some(cell) =
+                kept::<TimeCell>(&file).filter(|c| c.digest == digest || paper.only_draw)
+            {
+                println!("kept: {}", file.display());
+                cells.push(cell);
+                continue;
+            }
+            if paper.only_draw || !workshop.can_train(&method) {
+                continue;
+            }
+            let seed = size.training_seed;
+            let trained = workshop.trained(&method, demonstrations, &size, seed, true)?;
+            let command = evaluation(&trained, TASK, &size);
+            let found: Evaluation = match workshop.json(&command, Some(engine)) {
+                Ok(found) => found,
+                Err(error) => {
+                    println!("{described}: not measured: {error}");
+                    continue;
+                }
+            };
+            let cell = TimeCell {
+                method: method.name.to_owned(),
+                demonstrations,
+                engine: engine.to_owned(),
+                step_median_ms: found.step_median_ms,
+                step_p99_ms: found.step_p99_ms,
+                steps: found.results.iter().map(|r| r.steps).sum(),
+                cores,
+                digest,
+                commands: vec![shown(&command).replace(&trained.root.display().to_string(), "...")],
+                commit: revision(&arguments.root),
+            };
+            keep(&file, &cell)?;
+            cells.push(cell);
+        }
+    }
+    let table = table(&methods, &size.demonstrations, &cells);
+    write_text(&out.join("table.md"), table.as_bytes())?;
+    println!("\n{table}\nin {}", out.display());
+    Ok(())
+}
+
+/// Ours on each graph, whose size makes its time; the others once, on the last number of demonstrations.
+fn rows(methods: &[Method], demonstrations: &[usize]) -> Vec<(Method, usize)> {
+    let last = demonstrations.last().copied().unwrap_or(10);
+    let of = |method: &Method| -> Vec<(Method, usize)> {
+        let numbers = if *method == OURS {
+            demonstrations
+        } else {
+            &[last][..]
+        };
+        numbers.iter().map(|n| (*method, *n)).collect()
+    };
+    methods.iter().flat_map(of).collect()
+}
+
+fn table(methods: &[Method], demonstrations: &[usize], cells: &[TimeCell]) -> String {
+    let mut table = String::from("| milliseconds a step, median (99th percentile) |");
+    for (_, described) in ENGINES {
+        let _ = write!(table, " {described} |");
+    }
+    table.push_str(" paper, on a NUC |\n|---|---|---|---|\n");
+    for (method, number) in rows(methods, demonstrations) {
+        let described = if method == OURS {
+            format!("{}, {number} demonstrations", method.described)
+        } else {
+            method.described.to_owned()
+        };
+        let _ = write!(table, "| {described} |");
+        for (engine, _) in ENGINES {
+            let cell = cells.iter().find(|c| {
+                c.method == method.name && c.demonstrations == number && c.engine == engine
+            });
+            let text = cell.map_or_else(
+                || "not measured".to_owned(),
+                |c| format!("**{:.1}** ({:.1})", c.step_median_ms, c.step_p99_ms),
+            );
+            let _ = write!(table, " {text} |");
+        }
+        let paper = PAPER
+            .iter()
+            .find(|(name, n, _)| *name == method.name && (*n == 0 || *n == number));
+        let paper = paper.map_or_else(String::new, |(_, _, ms)| format!("{ms:.0}"));
+        let _ = writeln!(table, " {paper} |");
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ours_has_a_row_for_each_graph_and_what_is_missing_says_so() {
+        let cell = TimeCell {
+            method: "ours".to_owned(),
+            demonstrations: 30,
+            engine: "native".to_owned(),
+            step_median_ms: 4.25,
+            step_p99_ms: 9.0,
+            steps: 50,
+            cores: 2,
+            digest: String::new(),
+            commands: Vec::new(),
+            commit: None,
+        };
+        let table = table(&TABLE_1, &[10, 30], &[cell]);
+        let lines: Vec<&str> = table.lines().collect();
+        assert_eq!(lines.len(), 2 + 2 + 4);
+        assert!(
+            lines[2].ends_with("| not measured | not measured | 23 |"),
+            "{}",
+            lines[2]
+        );
+        assert!(
+            lines[3].contains("30 demonstrations | **4.2** (9.0) | not measured | 32 |"),
+            "{}",
+            lines[3]
+        );
+        assert!(lines[4].starts_with("| BC | not measured |"));
+    }
+}

@@ -1,0 +1,295 @@
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use serde::de::DeserializeOwned;
+
+use super::method::{MVP, Method};
+use super::plan::Size;
+use crate::cli::arguments::{Arguments, EngineArgument, PaperArguments};
+use crate::cli::error::CliError;
+use crate::experiment::PAPER_TASKS;
+use crate::storage::{ReadOptions, Recordings};
+
+/// Seed with which demonstrations are recorded, those of README.md.
+const RECORDING_SEED: u64 = 1;
+/// Recordings of each task that are made; experiments take the first of them.
+const RECORDED: usize = 30;
+
+/// Where an experiment makes what it measures: recordings, and a folder with tasks, recordings, model and
+/// graphs for each method and number of demonstrations. Everything is made by this program's own commands,
+/// which are shown, so that each can be repeated by hand.
+pub(super) struct Workshop<'a> {
+    paper: &'a PaperArguments,
+    arguments: &'a Arguments,
+    work: PathBuf,
+    executable: PathBuf,
+}
+
+/// A trained method.
+pub(super) struct Trained {
+    /// The folder that paths in its tasks are relative to.
+    pub(super) root: PathBuf,
+    /// Its model.
+    pub(super) model: PathBuf,
+    /// Checkpoints and losses.
+    pub(super) run: PathBuf,
+}
+
+impl<'a> Workshop<'a> {
+    pub(super) fn open(
+        paper: &'a PaperArguments,
+        arguments: &'a Arguments,
+    ) -> Result<Self, CliError> {
+        let executable = std::env::current_exe().map_err(io(Path::new("the program itself")))?;
+        Ok(Self {
+            paper,
+            arguments,
+            work: std::path::absolute(&paper.work).map_err(io(&paper.work))?,
+            executable,
+        })
+    }
+
+    /// What the recordings are, for digests: how they are recorded, or the SHA-256 of those that were given.
+    pub(super) fn recordings_told(&self, task: &str) -> Result<String, CliError> {
+        match &self.paper.demos {
+            None => Ok(format!("recorded with seed {RECORDING_SEED}, varied")),
+            Some(folder) => {
+                let recordings = Recordings::open(&[folder.join(task)], &ReadOptions::default())?;
+                Ok(recordings.digest()?)
+            }
+        }
+    }
+
+    /// Whether a method can be trained at all; says why not.
+    pub(super) fn can_train(&self, method: &Method) -> bool {
+        if method.name == MVP && self.paper.frozen_encoder.is_none() {
+            println!(
+                "{}: left out, it needs an image encoder that somebody else trained (--frozen-encoder FILE.onnx)",
+                method.described
+            );
+            return false;
+        }
+        true
+    }
+
+    /// A method trained on the first recordings of each task, with a graph of each task where it plans.
+    pub(super) fn trained(
+        &self,
+        method: &Method,
+        demonstrations: usize,
+        size: &Size,
+        seed: u64,
+        with_graphs: bool,
+    ) -> Result<Trained, CliError> {
+        let steps = size.steps_of(method);
+        let name = format!("{}_{demonstrations}_seed{seed}_steps{steps}", method.name);
+        let root = self.work.join(name);
+        self.furnish(&root, demonstrations)?;
+        let model = root.join(if method.plans {
+            "graphs/bedroom/model"
+        } else {
+            "policy"
+        });
+        let trained = Trained {
+            run: root.join("run"),
+            model,
+            root,
+        };
+        self.train(method, &trained, &size.training(method, seed))?;
+        if method.plans && with_graphs {
+            for task in PAPER_TASKS {
+                self.run(&[
+                    "graph".into(),
+                    "build".into(),
+                    trained.root.join(format!("tasks/{task}.yaml")).into(),
+                    "--model".into(),
+                    trained.model.clone().into(),
+                    "--root".into(),
+                    trained.root.clone().into(),
+                ])?;
+            }
+        }
+        Ok(trained)
+    }
+
+    fn train(&self, method: &Method, trained: &Trained, words: &[String]) -> Result<(), CliError> {
+        let note = trained.root.join("trained.txt");
+        let told = words.join(" ");
+        let is_done = fs::read_to_string(&note).is_ok_and(|text| text == told)
+            && trained.model.join("manifest.json").exists();
+        if is_done {
+            return Ok(());
+        }
+        // A run of other words is of no use; one of the same words goes on.
+        let begun = trained.root.join("begun.txt");
+        if fs::read_to_string(&begun).is_ok_and(|text| text != told) && trained.run.exists() {
+            fs::remove_dir_all(&trained.run).map_err(io(&trained.run))?;
+        }
+        super::write_text(&begun, told.as_bytes())?;
+        let mut command: Vec<OsString> = vec!["train".into()];
+        command.extend(PAPER_TASKS.map(|task| trained.root.join("demos").join(task).into()));
+        command.extend(words.iter().map(OsString::from));
+        if let (MVP, Some(encoder)) = (method.name, &self.paper.frozen_encoder) {
+            command.extend(["--frozen-encoder".into(), encoder.into()]);
+        }
+        command.extend([
+            "--resume".into(),
+            "--run".into(),
+            trained.run.clone().into(),
+        ]);
+        command.extend(["--out".into(), trained.model.clone().into()]);
+        self.run(&command)?;
+        super::write_text(&note, told.as_bytes())
+    }
+
+    /// Puts tasks and the first recordings of each into a folder.
+    fn furnish(&self, root: &Path, demonstrations: usize) -> Result<(), CliError> {
+        let tasks = root.join("tasks");
+        fs::create_dir_all(&tasks).map_err(io(&tasks))?;
+        for task in PAPER_TASKS {
+            let file = format!("tasks/{task}.yaml");
+            copied(&self.arguments.root.join(&file), &root.join(&file))?;
+            let from = self.recordings(task, demonstrations)?;
+            let folder = root.join("demos").join(task);
+            fs::create_dir_all(&folder).map_err(io(&folder))?;
+            for recording in &from[..demonstrations] {
+                let name = recording.file_name().unwrap_or_default();
+                copied(recording, &folder.join(name))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The recordings of a task, in order, at least so many.
+    fn recordings(&self, task: &str, wanted: usize) -> Result<Vec<PathBuf>, CliError> {
+        let given = self.paper.demos.as_ref().map(|folder| folder.join(task));
+        let folder = given
+            .clone()
+            .unwrap_or_else(|| self.work.join("demos").join(task));
+        if given.is_none() && files_of(&folder).len() < wanted {
+            let count = wanted.max(if self.paper.quick { 0 } else { RECORDED });
+            self.run(&[
+                "record".into(),
+                task.into(),
+                "--demos".into(),
+                count.to_string().into(),
+                "--seed".into(),
+                RECORDING_SEED.to_string().into(),
+                "--vary".into(),
+                "--out".into(),
+                folder.clone().into(),
+            ])?;
+        }
+        let files = files_of(&folder);
+        if files.len() < wanted {
+            return Err(CliError::TooFewRecordings {
+                folder,
+                task: task.to_owned(),
+                found: files.len(),
+                wanted,
+            });
+        }
+        Ok(files)
+    }
+
+    /// Runs a command of this program; what it prints is shown.
+    fn run(&self, words: &[OsString]) -> Result<(), CliError> {
+        println!("$ {}", shown(words));
+        let status = self.command(words).status().map_err(io(&self.executable))?;
+        if status.success() {
+            return Ok(());
+        }
+        Err(CliError::ExperimentStep {
+            command: shown(words),
+            status: status.to_string(),
+            said: String::new(),
+        })
+    }
+
+    /// Runs a command of this program and reads the JSON that it prints; its progress is shown.
+    pub(super) fn json<T: DeserializeOwned>(
+        &self,
+        words: &[OsString],
+        engine: Option<&str>,
+    ) -> Result<T, CliError> {
+        println!("$ {}", shown(words));
+        let mut command = self.command(words);
+        if let Some(engine) = engine {
+            command.args(["--engine", engine]);
+        }
+        let output = command
+            .stderr(Stdio::inherit())
+            .output()
+            .map_err(io(&self.executable))?;
+        let failed = |said: String| CliError::ExperimentStep {
+            command: shown(words),
+            status: output.status.to_string(),
+            said,
+        };
+        if !output.status.success() {
+            return Err(failed(String::new()));
+        }
+        serde_json::from_slice(&output.stdout)
+            .map_err(|e| failed(format!("\nit printed no JSON of the kind: {e}")))
+    }
+
+    fn command(&self, words: &[OsString]) -> Command {
+        let mut command = Command::new(&self.executable);
+        command.args(words);
+        match self.arguments.engine {
+            EngineArgument::Auto => {}
+            EngineArgument::Native => {
+                command.args(["--engine", "native"]);
+            }
+            EngineArgument::Embedded => {
+                command.args(["--engine", "embedded"]);
+            }
+        }
+        command
+    }
+}
+
+/// The words that evaluate a trained method on a task.
+pub(super) fn evaluation(trained: &Trained, task: &str, size: &Size) -> Vec<OsString> {
+    let mut words: Vec<OsString> = vec!["evaluate".into(), task.into()];
+    if !trained.model.starts_with(trained.root.join("graphs")) {
+        words.extend(["--policy".into(), trained.model.clone().into()]);
+    }
+    words.extend(["--root".into(), trained.root.clone().into()]);
+    words.extend(["--episodes".into(), size.episodes.to_string().into()]);
+    words.extend(["--seed".into(), size.seed.to_string().into()]);
+    words.push("--json".into());
+    words
+}
+
+/// A command as it would be typed.
+pub(super) fn shown(words: &[OsString]) -> String {
+    let words: Vec<_> = words.iter().map(|w| w.to_string_lossy()).collect();
+    format!("catena {}", words.join(" "))
+}
+
+/// The recordings of a folder, sorted by name.
+fn files_of(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = entries
+        .map(|entry| entry.path())
+        .filter(|path| path.extension().is_some_and(|e| e == "mcap"))
+        .collect();
+    files.sort_unstable();
+    files
+}
+
+/// Puts a file in another place, without a second copy of its contents where the file system can.
+fn copied(from: &Path, to: &Path) -> Result<(), CliError> {
+    if to.exists() || fs::hard_link(from, to).is_ok() {
+        return Ok(());
+    }
+    fs::copy(from, to).map(|_| ()).map_err(io(from))
+}
+
+fn io(path: &Path) -> impl FnOnce(std::io::Error) -> CliError {
+    let path = path.to_owned();
+    move |source| CliError::Io { path, source }
+}

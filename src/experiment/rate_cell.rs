@@ -1,0 +1,214 @@
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Evaluation, wilson_interval_95};
+
+/// How often a method did a task: a small file that is kept, so that an experiment that was cut goes on with
+/// what is missing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RateCell {
+    /// What learnt the task; `ours` is this crate's way.
+    pub method: String,
+    /// Demonstrations of each task that it learnt from.
+    pub demonstrations: usize,
+    /// The task.
+    pub task: String,
+    /// Number of episodes.
+    pub episodes: usize,
+    /// Seed of the first episode; the others follow one by one.
+    pub seed: u64,
+    /// Share of episodes in which all subgoals were reached in order, 0..=1.
+    pub success_rate: f64,
+    /// 95 % Wilson interval of it.
+    pub interval_95: [f64; 2],
+    /// Digest of all that the figure was to depend on: training, demonstrations, evaluation, version.
+    pub digest: String,
+    /// The commands that made it.
+    pub commands: Vec<String>,
+    /// Digests of what it was measured with, by name: the demonstrations of each task, the model.
+    pub digests: BTreeMap<String, String>,
+    /// The commit of the working tree, if it is one.
+    pub commit: Option<String>,
+    /// Whether it is from a small version of the experiment.
+    pub is_quick: bool,
+    /// Everything that was measured.
+    pub evaluation: Evaluation,
+}
+
+/// A success rate that somebody else published.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PublishedRate {
+    /// The method.
+    pub method: &'static str,
+    /// Demonstrations of each task.
+    pub demonstrations: usize,
+    /// Rates in percent of 10 trials of `sock`, `trash` and `wine`.
+    pub percent: [u32; 3],
+}
+
+/// The tasks of the paper's tables, in their order.
+pub const PAPER_TASKS: [&str; 3] = ["sock", "trash", "wine"];
+
+/// Table I of Fu & Finn.
+pub const PAPER_TABLE_1: [PublishedRate; 15] = [
+    published("ours", 10, [30, 60, 80]),
+    published("ours", 20, [60, 80, 90]),
+    published("ours", 30, [70, 90, 100]),
+    published("bc", 10, [10, 40, 50]),
+    published("bc", 20, [30, 50, 60]),
+    published("bc", 30, [50, 70, 90]),
+    published("bc_rnn", 10, [0, 20, 10]),
+    published("bc_rnn", 20, [0, 40, 50]),
+    published("bc_rnn", 30, [30, 60, 100]),
+    published("rt1", 10, [0, 0, 0]),
+    published("rt1", 20, [0, 20, 30]),
+    published("rt1", 30, [10, 50, 30]),
+    published("mvp", 10, [40, 60, 70]),
+    published("mvp", 20, [50, 60, 90]),
+    published("mvp", 30, [50, 60, 90]),
+];
+
+/// Table III of Fu & Finn.
+pub const PAPER_TABLE_3: [PublishedRate; 6] = [
+    published("ours", 20, [60, 80, 90]),
+    published("siamese", 20, [30, 60, 80]),
+    published("pixel_difference", 20, [40, 50, 60]),
+    published("frame_stacking", 20, [40, 50, 50]),
+    published("only_head", 20, [10, 0, 0]),
+    published("only_wrist", 20, [0, 60, 80]),
+];
+
+const fn published(
+    method: &'static str,
+    demonstrations: usize,
+    percent: [u32; 3],
+) -> PublishedRate {
+    PublishedRate {
+        method,
+        demonstrations,
+        percent,
+    }
+}
+
+/// What the paper's robot did, as a share of 10 trials; none where it was not tried.
+#[must_use]
+pub fn paper_rate(
+    table: &[PublishedRate],
+    method: &str,
+    demonstrations: usize,
+    task: &str,
+) -> Option<f64> {
+    let row = table
+        .iter()
+        .find(|r| r.method == method && r.demonstrations == demonstrations)?;
+    let column = PAPER_TASKS.iter().position(|t| *t == task)?;
+    Some(f64::from(row.percent[column]) / 100.0)
+}
+
+/// Success of a method over all its tasks, every episode counting the same.
+#[must_use]
+pub fn pooled<'a>(cells: impl Iterator<Item = &'a RateCell>) -> Option<(f64, [f64; 2])> {
+    let (mut successes, mut episodes) = (0, 0);
+    for cell in cells {
+        successes += (cell.success_rate * cell.episodes as f64).round() as usize;
+        episodes += cell.episodes;
+    }
+    (episodes > 0).then(|| {
+        let rate = successes as f64 / episodes as f64;
+        (rate, wilson_interval_95(successes, episodes))
+    })
+}
+
+/// A Markdown table of cells: a row a method and number of demonstrations, in the order of `rows`
+/// (`(method, what it is for people, demonstrations)`), a column a task, the paper's rates in brackets.
+#[must_use]
+pub fn rates_table(
+    cells: &[RateCell],
+    rows: &[(&str, &str, usize)],
+    paper: &[PublishedRate],
+) -> String {
+    let mut table = String::from("| | demonstrations |");
+    for task in PAPER_TASKS {
+        let _ = write!(table, " `{task}` |");
+    }
+    table.push_str(" all three |\n|---|---|");
+    table.push_str(&"---|".repeat(PAPER_TASKS.len() + 1));
+    table.push('\n');
+    for (method, described, demonstrations) in rows {
+        let of_row = || {
+            cells
+                .iter()
+                .filter(move |c| c.method == *method && c.demonstrations == *demonstrations)
+        };
+        let _ = write!(table, "| {described} | {demonstrations} |");
+        for task in PAPER_TASKS {
+            let said = match paper_rate(paper, method, *demonstrations, task) {
+                Some(rate) => format!(" (paper {:.0})", 100.0 * rate),
+                None => String::new(),
+            };
+            let measured = of_row().find(|c| c.task == task).map_or_else(
+                || "not measured".to_owned(),
+                |c| printed(c.success_rate, c.interval_95),
+            );
+            let _ = write!(table, " {measured}{said} |");
+        }
+        let all =
+            pooled(of_row()).map_or_else(String::new, |(rate, interval)| printed(rate, interval));
+        let _ = writeln!(table, " {all} |");
+    }
+    table
+}
+
+fn printed(rate: f64, interval: [f64; 2]) -> String {
+    let [low, high] = interval.map(|share| 100.0 * share);
+    format!("**{:.0} %** {low:.0}-{high:.0}", 100.0 * rate)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cell(method: &str, task: &str, successes: usize, episodes: usize) -> RateCell {
+        RateCell {
+            method: method.to_owned(),
+            demonstrations: 20,
+            task: task.to_owned(),
+            episodes,
+            seed: 1,
+            success_rate: successes as f64 / episodes as f64,
+            interval_95: wilson_interval_95(successes, episodes),
+            digest: String::new(),
+            commands: Vec::new(),
+            digests: BTreeMap::new(),
+            commit: None,
+            is_quick: false,
+            evaluation: Evaluation::new(task, "paper", 1, "tract", &[], Vec::new()),
+        }
+    }
+
+    #[test]
+    fn a_row_has_its_cells_the_papers_and_all_episodes_together() {
+        let cells = [cell("ours", "sock", 3, 10), cell("ours", "wine", 9, 10)];
+        let rows = [("ours", "latent flow", 20), ("siamese", "Siamese", 20)];
+        let table = rates_table(&cells, &rows, &PAPER_TABLE_3);
+        let lines: Vec<&str> = table.lines().collect();
+        assert_eq!(
+            lines[2],
+            "| latent flow | 20 | **30 %** 11-60 (paper 60) | not measured (paper 80) | \
+             **90 %** 60-98 (paper 90) | **60 %** 39-78 |"
+        );
+        assert!(lines[3].starts_with("| Siamese | 20 | not measured (paper 30) |"));
+    }
+
+    #[test]
+    fn the_papers_rates_are_found_by_method_number_and_task() {
+        assert_eq!(paper_rate(&PAPER_TABLE_1, "mvp", 10, "wine"), Some(0.7));
+        assert_eq!(paper_rate(&PAPER_TABLE_1, "mvp", 15, "wine"), None);
+        assert_eq!(
+            paper_rate(&PAPER_TABLE_3, "only_head", 20, "sock"),
+            Some(0.1)
+        );
+    }
+}

@@ -1,0 +1,186 @@
+//! Lines over a common axis, in panels beside each other.
+
+use std::path::Path;
+
+use super::canvas::{Canvas, Type};
+use crate::view::palette::{self, INK};
+use crate::view::{ViewError, file};
+
+/// A panel of [`curves_svg`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Panel {
+    /// What is drawn upwards.
+    pub label: String,
+    /// The lines: names, and points `[x, y]` with rising x. A name has the same colour in every panel if the
+    /// lines have the same order.
+    pub lines: Vec<(String, Vec<[f64; 2]>)>,
+}
+
+const WIDTH: f32 = 460.0;
+const HEIGHT: f32 = 300.0;
+const TOP: f32 = 84.0;
+const LEFT: f32 = 64.0;
+const RIGHT: f32 = 20.0;
+const LEGEND_ROW: f32 = 22.0;
+/// Lines across a panel.
+const GRID: usize = 5;
+
+/// Panels of lines as SVG text; `across` names the common axis. Upwards, a panel shows what its lines
+/// reach beyond their first points, which are often far off.
+#[must_use]
+pub fn curves_svg(panels: &[Panel], title: &str, across: &str) -> String {
+    let names = panels.first().map_or(0, |p| p.lines.len());
+    let bottom = TOP + HEIGHT;
+    let height = bottom + 56.0 + LEGEND_ROW * names.div_ceil(3) as f32;
+    let mut canvas = Canvas::new(WIDTH * panels.len().max(1) as f32, height);
+    let heading = Type {
+        size: 20.0,
+        weight: 600,
+        colour: INK,
+        anchor: "start",
+    };
+    canvas.text(24.0, 40.0, heading, title);
+    for (index, panel) in panels.iter().enumerate() {
+        draw(&mut canvas, panel, index as f32 * WIDTH, across);
+    }
+    let lines = panels.first().map_or(&[][..], |p| &p.lines);
+    for (index, (name, _)) in lines.iter().enumerate() {
+        let x = LEFT + (index % 3) as f32 * 250.0;
+        let y = bottom + 62.0 + (index / 3) as f32 * LEGEND_ROW;
+        canvas.push(format_args!(
+            "<path d=\"M{x:.1} {y:.1}h26\" stroke=\"{}\" stroke-width=\"3\"/>",
+            palette::task(index).hex()
+        ));
+        canvas.text(x + 34.0, y + 5.0, Type::default(), name);
+    }
+    canvas.finish()
+}
+
+fn draw(canvas: &mut Canvas, panel: &Panel, start: f32, across: &str) {
+    let settled = panel
+        .lines
+        .iter()
+        .flat_map(|(_, points)| points.iter().skip(1));
+    let (low, high) = range(settled.map(|p| p[1]));
+    let (first, last) = range(
+        panel
+            .lines
+            .iter()
+            .flat_map(|(_, points)| points)
+            .map(|p| p[0]),
+    );
+    let (left, right, bottom) = (start + LEFT, start + WIDTH - RIGHT, TOP + HEIGHT);
+    let share = |value: f64, low: f64, high: f64| ((value - low) / (high - low)) as f32;
+    let x = |value: f64| left + share(value, first, last) * (right - left);
+    let y = |value: f64| bottom - share(value.clamp(low, high), low, high) * HEIGHT;
+    for line in 0..=GRID {
+        let part = line as f64 / GRID as f64;
+        let value = low + part * (high - low);
+        canvas.push(format_args!(
+            "<path d=\"M{left:.1} {:.1}H{right:.1}\" stroke=\"#e5e7eb\"/>",
+            y(value)
+        ));
+        let set = Type {
+            anchor: "end",
+            ..Type::default()
+        };
+        canvas.text(left - 8.0, y(value) + 5.0, set, &format!("{value:.2}"));
+        let set = Type {
+            anchor: "middle",
+            ..Type::default()
+        };
+        let value = first + part * (last - first);
+        canvas.text(x(value), bottom + 20.0, set, &format!("{value:.0}"));
+    }
+    let set = Type {
+        weight: 600,
+        colour: INK,
+        ..Type::default()
+    };
+    canvas.text(left, TOP - 14.0, set, &panel.label);
+    let set = Type {
+        anchor: "end",
+        ..Type::default()
+    };
+    canvas.text(right, bottom + 38.0, set, across);
+    for (index, (_, points)) in panel.lines.iter().enumerate() {
+        let path: Vec<String> = points
+            .iter()
+            .map(|p| format!("{:.1} {:.1}", x(p[0]), y(p[1])))
+            .collect();
+        canvas.push(format_args!(
+            "<path d=\"M{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2.2\" stroke-linejoin=\"round\"/>",
+            path.join("L"),
+            palette::task(index).hex()
+        ));
+    }
+}
+
+/// Least and largest; 0 and 1 for no values, and never the same twice.
+fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+        (low.min(value), high.max(value))
+    });
+    if low > high {
+        return (0.0, 1.0);
+    }
+    (low, if high > low { high } else { low + 1.0 })
+}
+
+/// Writes [`curves_svg`] to a file, which is there as a whole or not at all.
+///
+/// # Errors
+/// [`ViewError::FileUnwritable`] when the folder or the file cannot be written.
+pub fn write_curves_svg(
+    path: &Path,
+    panels: &[Panel],
+    title: &str,
+    across: &str,
+) -> Result<(), ViewError> {
+    file::write(path, curves_svg(panels, title, across).as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_span_the_panel_and_are_named() {
+        let panel = Panel {
+            label: "loss".to_owned(),
+            lines: vec![
+                (
+                    "ours".to_owned(),
+                    vec![[0.0, 99.0], [50.0, 2.0], [100.0, 1.0]],
+                ),
+                (
+                    "theirs & others".to_owned(),
+                    vec![[0.0, 99.0], [100.0, 3.0]],
+                ),
+            ],
+        };
+        let svg = curves_svg(&[panel], "Losses", "steps");
+        let last = format!("L{:.1} {:.1}\"", WIDTH - RIGHT, TOP + HEIGHT);
+        assert!(
+            svg.contains(&last),
+            "the least loss is at the lower right: {svg}"
+        );
+        let first = format!("M{LEFT:.1} {TOP:.1}L");
+        assert!(
+            svg.contains(&first),
+            "what is beyond the panel stays at its edge"
+        );
+        assert!(svg.contains("theirs &amp; others") && svg.contains("steps"));
+    }
+
+    #[test]
+    fn no_lines_and_one_point_are_drawn_without_a_division_by_zero() {
+        let one = Panel {
+            label: "loss".to_owned(),
+            lines: vec![("ours".to_owned(), vec![[1.0, 1.0]])],
+        };
+        for panels in [vec![], vec![one]] {
+            assert!(!curves_svg(&panels, "Losses", "steps").contains("NaN"));
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! Trainings that can be repeated, and experiments that go on.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use crate::command::{catena, path, text};
+
+fn succeeded(arguments: &[&str]) -> String {
+    let output = catena(arguments);
+    let said = text(&output.stderr);
+    assert!(output.status.success(), "catena {arguments:?}\n{said}");
+    text(&output.stdout)
+}
+
+fn recorded(folder: &Path, demonstrations: &str) {
+    for task in ["sock", "trash", "wine"] {
+        let out = folder.join(task);
+        let words = ["record", task, "--demos", demonstrations, "--out"];
+        succeeded(&[&words[..], &[path(&out)]].concat());
+    }
+}
+
+fn manifest(model: &Path) -> serde_json::Value {
+    let text = fs::read(model.join("manifest.json")).expect("a manifest");
+    serde_json::from_slice(&text).expect("JSON")
+}
+
+#[test]
+fn a_run_folder_is_enough_to_repeat_its_training() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let demos = at("wine");
+    succeeded(&["record", "wine", "--demos", "3", "--out", path(&demos)]);
+    let train = |out: &Path, run: &Path, more: &[&str]| {
+        let words = [
+            "train",
+            path(&demos),
+            "--out",
+            path(out),
+            "--run",
+            path(run),
+        ];
+        succeeded(&[&words[..], more].concat())
+    };
+    let flags = [
+        "--preset",
+        "tiny",
+        "--steps",
+        "12",
+        "--seed",
+        "5",
+        "--variant",
+        "siamese",
+        "--camera",
+        "head",
+    ];
+    train(&at("model"), &at("run"), &flags);
+    let config = at("run").join("config.json");
+    train(&at("again"), &at("run2"), &["--config", path(&config)]);
+    let (first, second) = (manifest(&at("model")), manifest(&at("again")));
+    assert_eq!(
+        first["files"], second["files"],
+        "the same weights to the last bit"
+    );
+    assert_eq!(first["training"]["config"]["network"]["variant"], "siamese");
+    assert_eq!(first["spec"]["cameras"].as_array().map(Vec::len), Some(1));
+
+    let record = fs::read(at("run").join("run.json")).expect("a record");
+    let record: serde_json::Value = serde_json::from_slice(&record).expect("JSON");
+    assert_eq!(record["seed"], 5);
+    assert_eq!(record["version"], env!("CARGO_PKG_VERSION"));
+    let digest = record["demonstrations"]["wine"].as_str().map(str::len);
+    assert_eq!(digest, Some(64));
+    train(
+        &at("other"),
+        &at("run3"),
+        &["--config", path(&config), "--seed", "6"],
+    );
+    assert_ne!(first["files"], manifest(&at("other"))["files"]);
+}
+
+#[test]
+fn a_camera_or_variant_that_is_not_there_is_named_with_those_that_are() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let demos = folder.path().join("wine");
+    succeeded(&["record", "wine", "--demos", "2", "--out", path(&demos)]);
+    let out = folder.path().join("model");
+    for (flag, wrong, right) in [
+        ("--camera", "chest", "wrist 90x160"),
+        ("--variant", "diamese", "pixel_difference"),
+        ("--preset", "bedrom", "bedroom"),
+    ] {
+        let output = catena(&["train", path(&demos), "--out", path(&out), flag, wrong]);
+        let said = text(&output.stderr);
+        assert!(
+            !output.status.success() && said.contains(wrong) && said.contains(right),
+            "{said}"
+        );
+    }
+}
+
+/// A limit on the size of files is what a shell can set of a disk that is full.
+#[cfg(unix)]
+#[test]
+fn a_training_that_cannot_write_says_so_and_goes_on_when_it_can() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let demos = at("wine");
+    succeeded(&["record", "wine", "--demos", "3", "--out", path(&demos)]);
+    let run = at("run");
+    let words = [
+        "train",
+        path(&demos),
+        "--preset",
+        "tiny",
+        "--steps",
+        "40",
+        "--run",
+        path(&run),
+        "--out",
+        path(&at("model")),
+        "--resume",
+    ]
+    .map(str::to_owned);
+    let limited = Command::new("sh")
+        .args(["-c", "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\""])
+        .arg(env!("CARGO_BIN_EXE_catena"))
+        .args(&words)
+        .output()
+        .expect("a shell");
+    let said = text(&limited.stderr);
+    assert!(!limited.status.success(), "nothing could be written");
+    assert!(
+        said.contains("checkpoint.safetensors") && said.contains("too large"),
+        "{said}"
+    );
+    let left: Vec<String> = fs::read_dir(&run)
+        .expect("the run folder")
+        .flatten()
+        .map(|e| e.file_name().to_string_lossy().into_owned())
+        .collect();
+    assert!(
+        left.iter().all(|name| !name.contains("partial")),
+        "{left:?}"
+    );
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    succeeded(&words);
+    assert!(at("model").join("manifest.json").exists());
+}
+
+#[test]
+fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    recorded(&at("demos"), "2");
+    let (demos, work, out) = (at("demos"), at("work"), at("out"));
+    let run = |more: &[&str]| {
+        let words = [
+            "experiment",
+            "fig5",
+            "--demonstrations",
+            "2",
+            "--steps",
+            "3",
+            "--quick",
+            "--demos",
+            path(&demos),
+            "--work",
+            path(&work),
+            "--out",
+            path(&out),
+        ];
+        succeeded(&[&words[..], more].concat())
+    };
+    let first = run(&["--methods", "siamese"]);
+    assert!(
+        first.contains("catena train") && first.contains("small version"),
+        "{first}"
+    );
+    let both = run(&["--methods", "siamese,only_wrist"]);
+    assert!(
+        both.contains("kept: ") && both.contains("--camera wrist"),
+        "{both}"
+    );
+    assert!(
+        !both.contains("--variant siamese"),
+        "it is trained already: {both}"
+    );
+    let drawn = run(&["--only-draw"]);
+    assert!(
+        drawn.contains("| stacked frames | | 0 | not measured |"),
+        "{drawn}"
+    );
+    assert!(!drawn.contains("| Siamese | | 0 |"), "{drawn}");
+    let svg = fs::read_to_string(out.join("fig5.svg")).expect("a plot");
+    assert!(svg.contains("wrist camera only") && !svg.contains("stacked frames"));
+
+    let few = catena(&[
+        "experiment",
+        "table1",
+        "--demonstrations",
+        "5",
+        "--demos",
+        path(&demos),
+        "--work",
+        path(&work),
+        "--out",
+        path(&out),
+    ]);
+    let said = text(&few.stderr);
+    assert!(
+        !few.status.success() && said.contains("has 2 recordings"),
+        "{said}"
+    );
+}
