@@ -33,9 +33,12 @@ class Course:
     states_per_second: float
     steps: int
 
-    def first_at(self, loss: float) -> tuple[float, float | None] | None:
-        """When a validation first found this loss or less."""
-        return next(((whole, alone) for whole, alone, found in self.points if found <= loss), None)
+    def first_at(self, loss: float) -> tuple[float, float | None, bool] | None:
+        """When a validation first found this loss or less, and whether an earlier one had found more."""
+        for index, (whole, alone, found) in enumerate(self.points):
+            if found <= loss:
+                return whole, alone, index > 0
+        return None
 
     def best(self) -> float:
         return min(loss for _, _, loss in self.points)
@@ -90,14 +93,18 @@ def table(catena: Course, pairs: Course, losses: list[float]) -> str:
         "|---|---|---|---|---|",
     ]
 
-    def said(seconds: float | None) -> str:
-        return "not reached" if seconds is None else f"{seconds:.0f} s"
+    def said(seconds: float | None, is_sharp: bool) -> str:
+        return "" if seconds is None else f"{'' if is_sharp else 'at most '}{seconds:.0f} s"
 
     for loss in losses or [common * level for level in LEVELS]:
+        cells = [f"{loss:.3f}"]
         ours, theirs = catena.first_at(loss), pairs.first_at(loss)
-        ratio = f"{theirs[0] / ours[0]:.1f}" if ours and theirs else ""
-        ours, theirs = ours or (None, None), theirs or (None, None)
-        lines.append(f"| {loss:.3f} | {said(ours[0])} | {said(theirs[0])} | {ratio} | {said(theirs[1])} |")
+        cells += [said(found[0], found[2]) if found else "not reached" for found in (ours, theirs)]
+        # A first validation that is at the loss already says nothing of when it was reached.
+        is_sharp = ours and theirs and ours[2] and theirs[2]
+        cells.append(f"{theirs[0] / ours[0]:.1f}" if is_sharp else "")
+        cells.append(said(theirs[1], theirs[2]) if theirs else "not reached")
+        lines.append(f"| {' | '.join(cells)} |")
     lines += [
         "",
         "| | steps | validations | best loss | states a second |",
