@@ -54,6 +54,7 @@ fn chaining(chaining_arguments: &ChainingArguments, arguments: &Arguments) -> Re
         level: chaining_arguments.level,
         nearest_states: None,
         planner: PlannerArgument::InOrder,
+        policy: None,
     };
     let out = &chaining_arguments.out;
     let mut cells = Vec::new();

@@ -3,7 +3,8 @@ use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
 
-use super::arguments::TrainArguments;
+use super::arguments::{Arguments, TrainArguments};
+use super::baseline::{method_of, train_method};
 use super::error::CliError;
 use super::loaded::{read_demonstrations, read_options};
 use super::progress;
@@ -14,29 +15,19 @@ use crate::training::{
 use crate::trajectory::{ActionDimension, ActionSpace, Binning, DemonstrationSet};
 
 /// `catena train`: demonstrations to a model in a folder of ONNX files.
-pub(super) fn train(arguments: &TrainArguments) -> Result<(), CliError> {
-    let config = config(arguments)?;
-    let run_folder = arguments
-        .run
-        .clone()
-        .unwrap_or_else(|| beside(&arguments.out));
-    if !arguments.resume && run_folder.join(CHECKPOINT).exists() {
-        return Err(CliError::RunExists { run: run_folder });
+pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), CliError> {
+    if let Some(method) = method_of(arguments.method) {
+        return train_method(method, arguments, all);
     }
-    let (sets, digests) = load_sets(
-        &arguments.demos,
-        arguments.bins,
-        &read_options(&arguments.read),
-    )?;
-    println!(
-        "training on {} states of {} tasks; checkpoints and losses.csv in {}{}",
-        sets.iter().map(DemonstrationSet::step_count).sum::<usize>(),
-        sets.len(),
-        run_folder.display(),
-        sets.first()
-            .map(|s| describe_bins(s.action_space()))
-            .unwrap_or_default(),
-    );
+    if arguments.frozen_encoder.is_some() {
+        return Err(CliError::FrozenEncoderOfOurs);
+    }
+    let config = config(arguments)?;
+    let Prepared {
+        sets,
+        digests,
+        run_folder,
+    } = prepared(arguments)?;
     let mut printer = Printer {
         bar: progress::bar("training", config.steps),
     };
@@ -63,6 +54,45 @@ pub(super) fn train(arguments: &TrainArguments) -> Result<(), CliError> {
     Ok(())
 }
 
+/// What a training begins with.
+pub(super) struct Prepared {
+    pub(super) sets: Vec<DemonstrationSet>,
+    /// Digests of the sets by their tasks' names.
+    pub(super) digests: BTreeMap<String, String>,
+    pub(super) run_folder: PathBuf,
+}
+
+/// Reads the demonstrations of a training and says what it begins with; refuses a run folder that holds another
+/// one's checkpoint unless it is to be resumed.
+pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError> {
+    let run_folder = arguments
+        .run
+        .clone()
+        .unwrap_or_else(|| beside(&arguments.out));
+    if !arguments.resume && run_folder.join(CHECKPOINT).exists() {
+        return Err(CliError::RunExists { run: run_folder });
+    }
+    let (sets, digests) = load_sets(
+        &arguments.demos,
+        arguments.bins,
+        &read_options(&arguments.read),
+    )?;
+    println!(
+        "training on {} states of {} tasks; checkpoints and losses.csv in {}{}",
+        sets.iter().map(DemonstrationSet::step_count).sum::<usize>(),
+        sets.len(),
+        run_folder.display(),
+        sets.first()
+            .map(|s| describe_bins(s.action_space()))
+            .unwrap_or_default(),
+    );
+    Ok(Prepared {
+        sets,
+        digests,
+        run_folder,
+    })
+}
+
 /// A share for people; "none" where there was nothing to measure.
 fn percent(share: Option<f64>) -> String {
     share.map_or_else(|| "none".to_owned(), |s| format!("{:.1} %", 100.0 * s))
@@ -78,12 +108,16 @@ fn beside(model: &Path) -> PathBuf {
     model.with_file_name(name)
 }
 
-fn config(arguments: &TrainArguments) -> Result<TrainingConfig, CliError> {
-    let preset = Preset::parse(&arguments.preset).ok_or_else(|| CliError::UnknownPreset {
+/// The preset that is asked for.
+pub(super) fn preset(arguments: &TrainArguments) -> Result<Preset, CliError> {
+    Preset::parse(&arguments.preset).ok_or_else(|| CliError::UnknownPreset {
         found: arguments.preset.clone(),
         known: Preset::NAMES.map(|(name, _)| name).join(", "),
-    })?;
-    let mut config = preset.config();
+    })
+}
+
+fn config(arguments: &TrainArguments) -> Result<TrainingConfig, CliError> {
+    let mut config = preset(arguments)?.config();
     config.seed = arguments.seed;
     config.max_minutes = arguments.minutes;
     if let Some(steps) = arguments.steps {
@@ -178,8 +212,19 @@ fn describe_bins(space: &ActionSpace) -> String {
     dimensions.iter().map(line).collect()
 }
 
-struct Printer {
-    bar: ProgressBar,
+/// Tells people how a training goes.
+pub(super) struct Printer {
+    pub(super) bar: ProgressBar,
+}
+
+impl Printer {
+    fn print(&self, line: String) {
+        if self.bar.is_hidden() {
+            println!("{line}");
+        } else {
+            self.bar.println(line);
+        }
+    }
 }
 
 impl TrainingObserver for Printer {
@@ -225,12 +270,18 @@ impl TrainingObserver for Printer {
                     percent(metrics.policy_accuracy_across),
                     if *is_best { "  (best)" } else { "" },
                 );
-                if self.bar.is_hidden() {
-                    println!("{line}");
-                } else {
-                    self.bar.println(line);
-                }
+                self.print(line);
             }
+            TrainingEvent::BaselineValidated {
+                step,
+                validation,
+                is_best,
+            } => self.print(format!(
+                "step {step:>6}: held out: loss {:.3}, {:.1} % of actions right{}",
+                validation.loss,
+                100.0 * validation.accuracy,
+                if *is_best { "  (best)" } else { "" },
+            )),
             TrainingEvent::CheckpointWritten { .. } => {}
         }
     }

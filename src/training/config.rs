@@ -323,7 +323,7 @@ impl TrainingConfig {
     }
 }
 
-fn demand(
+pub(super) fn demand(
     holds: bool,
     field: &'static str,
     value: impl std::fmt::Display,

@@ -8,7 +8,7 @@ mod initialiser;
 mod keypoints;
 
 pub use convolution::StandardisedConvolution;
-pub use encoder::{CameraEncoder, ResidualBlock};
+pub use encoder::{CameraEncoder, ResidualBlock, Stage, feature_maps};
 pub use head::{Dense, FlowHead};
 pub use initialiser::Initialiser;
 pub use keypoints::{Keypoints, coordinate_values};

@@ -2,23 +2,37 @@ use burn::tensor::Tensor;
 
 use super::onnx::{Attribute, OnnxGraph};
 use crate::training::TrainedModel;
+use crate::training::batch::Pictures;
 use crate::training::evaluation::values;
 use crate::training::network::{
-    CameraEncoder, Dense, FlowHead, Keypoints, ResidualBlock, coordinate_values,
+    CameraEncoder, Dense, FlowHead, Keypoints, ResidualBlock, Stage, coordinate_values,
 };
 use crate::training::patches::PatchGrid;
 
 /// `encoder.onnx`: raw pixel values of each camera to the latent. Normalisation is inside.
 pub fn encoder(model: &TrainedModel) -> Vec<u8> {
+    let encoders = &model.network.encoders;
+    of_cameras(
+        &model.pictures(),
+        model.spec.latent_dim,
+        |graph, camera, grid, input| camera_encoder(graph, &encoders[camera], grid, input),
+    )
+}
+
+/// A network from the raw pixel values of each camera to one latent; `encode` adds what turns the normalised
+/// values of a camera into its part.
+pub fn of_cameras(
+    pictures: &Pictures,
+    latent_dim: usize,
+    encode: impl Fn(&mut OnnxGraph, usize, &PatchGrid, &str) -> String,
+) -> Vec<u8> {
     let mut graph = OnnxGraph::default();
-    let pictures = model.pictures();
     let mut latents = Vec::new();
-    for (camera, encoder) in model.network.encoders.iter().enumerate() {
-        let grid = &pictures.grids[camera];
+    for (camera, grid) in pictures.grids.iter().enumerate() {
         let channels = 3 * grid.stack;
         let dims = [channels, grid.height, grid.width];
         let input = graph.input(&pictures.names[camera], &dims);
-        let normalisation = &model.normalisation[camera];
+        let normalisation = &pictures.normalisation[camera];
         let of_channels = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
             (0..channels).map(|c| value(c % 3)).collect()
         };
@@ -27,41 +41,57 @@ pub fn encoder(model: &TrainedModel) -> Vec<u8> {
         let deviation = graph.constant(&shape, &of_channels(&|c| normalisation.deviation[c]));
         let centred = graph.node("Sub", &[&input, &mean], &[]);
         let normalised = graph.node("Div", &[&centred, &deviation], &[]);
-        latents.push(camera_encoder(&mut graph, encoder, grid, &normalised));
+        latents.push(encode(&mut graph, camera, grid, &normalised));
     }
     let names: Vec<&str> = latents.iter().map(String::as_str).collect();
     let latent = match names.as_slice() {
         [one] => (*one).to_owned(),
         _ => graph.node("Concat", &names, &[Attribute::Int("axis", 1)]),
     };
-    graph.output("latent", &latent, &[model.spec.latent_dim]);
+    graph.output("latent", &latent, &[latent_dim]);
     graph.into_model("encoder")
 }
 
-fn camera_encoder(
+/// The latent of one camera from its normalised values.
+pub fn camera_encoder(
     graph: &mut OnnxGraph,
     encoder: &CameraEncoder,
     grid: &PatchGrid,
     input: &str,
 ) -> String {
-    let stem = stem(graph, &encoder.stem, grid, input);
-    let mut x = graph.node("Relu", &[&stem], &[]);
-    let mut places = None;
-    for (index, stage) in encoder.stages.iter().enumerate() {
-        let merged = merge(graph, &stage.merge, &x);
-        let merged = graph.node("Relu", &[&merged], &[]);
-        x = residual_block(graph, &stage.block, &merged);
-        if let Some(found) = encoder.keypoints.as_ref().filter(|_| index == 0) {
-            let (rows, columns) = (encoder.rows / 2, encoder.columns / 2);
-            places = Some(keypoints(graph, found, [rows, columns], &x));
-        }
-    }
+    let (first, x) = feature_maps(graph, &encoder.stem, &encoder.stages, grid, input);
+    let places = encoder.keypoints.as_ref().map(|found| {
+        let size = [encoder.rows / 2, encoder.columns / 2];
+        keypoints(graph, found, size, &first)
+    });
     let flat = graph.node("Flatten", &[&x], &[Attribute::Int("axis", 1)]);
     let latent = latent(graph, encoder, &flat);
     match places {
         Some(places) => graph.node("Add", &[&latent, &places], &[]),
         None => latent,
     }
+}
+
+/// The maps after the first stage and after the last, `[n, channels, rows, columns]`.
+pub fn feature_maps(
+    graph: &mut OnnxGraph,
+    first_layer: &Dense,
+    stages: &[Stage],
+    grid: &PatchGrid,
+    input: &str,
+) -> (String, String) {
+    let seen = stem(graph, first_layer, grid, input);
+    let mut x = graph.node("Relu", &[&seen], &[]);
+    let mut first = x.clone();
+    for (index, stage) in stages.iter().enumerate() {
+        let merged = merge(graph, &stage.merge, &x);
+        let merged = graph.node("Relu", &[&merged], &[]);
+        x = residual_block(graph, &stage.block, &merged);
+        if index == 0 {
+            first.clone_from(&x);
+        }
+    }
+    (first, x)
 }
 
 /// Softmax over the cells of a map, and the mean place under it.
@@ -130,7 +160,8 @@ fn residual_block(graph: &mut OnnxGraph, block: &ResidualBlock, input: &str) -> 
     graph.node("Relu", &[&sum], &[])
 }
 
-fn convolution(
+/// A convolution with square strides and the same padding on all sides.
+pub fn convolution(
     graph: &mut OnnxGraph,
     filters: Tensor<4>,
     bias: Tensor<1>,
@@ -167,7 +198,8 @@ fn latent(graph: &mut OnnxGraph, encoder: &CameraEncoder, flat: &str) -> String 
     graph.node("Gemm", &[flat, &weight, &bias], &[])
 }
 
-fn dense(graph: &mut OnnxGraph, dense: &Dense, input: &str) -> String {
+/// `[n, in]` to `[n, out]`.
+pub fn dense(graph: &mut OnnxGraph, dense: &Dense, input: &str) -> String {
     let shape = dense.weight.val().dims();
     let weight = graph.constant(&shape, &values(dense.weight.val()));
     let bias = graph.constant(&[shape[1]], &values(dense.bias.val()));

@@ -54,15 +54,7 @@ impl CameraEncoder {
     /// An encoder with random weights.
     pub fn new(grid: &PatchGrid, config: &EncoderConfig, init: &mut Initialiser) -> Self {
         let stem = Dense::new(grid.patch_len(), config.stem_channels, 2.0, init);
-        let mut channels = config.stem_channels;
-        let mut stages = Vec::new();
-        for wider in &config.stage_channels {
-            stages.push(Stage {
-                merge: Dense::new(4 * channels, *wider, 2.0, init),
-                block: ResidualBlock::new(*wider, init),
-            });
-            channels = *wider;
-        }
+        let (stages, channels) = Stage::all(config, init);
         let cells = grid.positions() >> (2 * stages.len());
         let latent = Dense::new(cells * channels, config.latent_dim, 1.0, init);
         let first = config
@@ -85,20 +77,9 @@ impl CameraEncoder {
     /// the states that skip it.
     #[must_use]
     pub fn forward(&self, patches: Tensor<3>, masks: Option<&[Tensor<4>]>) -> Tensor<2> {
-        let [n, positions, patch_len] = patches.dims();
-        let stem = self
-            .stem
-            .forward(patches.reshape([n * positions, patch_len]));
-        let channels = stem.dims()[1];
-        let mut x = relu(stem).reshape([n, self.rows, self.columns, channels]);
-        let mut places = None;
-        for (index, stage) in self.stages.iter().enumerate() {
-            x = stage.merge(x);
-            x = stage.block.forward(x, masks.map(|m| m[index].clone()));
-            if let Some(keypoints) = self.keypoints.as_ref().filter(|_| index == 0) {
-                places = Some(keypoints.forward(x.clone()));
-            }
-        }
+        let size = [self.rows, self.columns];
+        let (first, x) = feature_maps(&self.stem, &self.stages, size, patches, masks);
+        let places = self.keypoints.as_ref().map(|k| k.forward(first));
         let [n, rows, columns, channels] = x.dims();
         let latent = self
             .latent
@@ -110,7 +91,46 @@ impl CameraEncoder {
     }
 }
 
+/// The maps after the first stage and after the last, `[n, rows, columns, channels]` each, from patches
+/// `[n, positions, patch_len]` of `size` rows and columns; without stages both are the first layer's.
+#[must_use]
+pub fn feature_maps(
+    stem: &Dense,
+    stages: &[Stage],
+    [rows, columns]: [usize; 2],
+    patches: Tensor<3>,
+    masks: Option<&[Tensor<4>]>,
+) -> (Tensor<4>, Tensor<4>) {
+    let [n, positions, patch_len] = patches.dims();
+    let seen = stem.forward(patches.reshape([n * positions, patch_len]));
+    let channels = seen.dims()[1];
+    let mut x = relu(seen).reshape([n, rows, columns, channels]);
+    let mut first = x.clone();
+    for (index, stage) in stages.iter().enumerate() {
+        x = stage.merge(x);
+        x = stage.block.forward(x, masks.map(|m| m[index].clone()));
+        if index == 0 {
+            first = x.clone();
+        }
+    }
+    (first, x)
+}
+
 impl Stage {
+    /// The stages of a configuration with random weights, and the channels of the last one's map.
+    pub fn all(config: &EncoderConfig, init: &mut Initialiser) -> (Vec<Self>, usize) {
+        let mut channels = config.stem_channels;
+        let mut stages = Vec::new();
+        for wider in &config.stage_channels {
+            stages.push(Self {
+                merge: Dense::new(4 * channels, *wider, 2.0, init),
+                block: ResidualBlock::new(*wider, init),
+            });
+            channels = *wider;
+        }
+        (stages, channels)
+    }
+
     fn merge(&self, x: Tensor<4>) -> Tensor<4> {
         let [n, rows, columns, channels] = x.dims();
         let (rows, columns) = (rows / 2, columns / 2);
