@@ -2,6 +2,7 @@
 //! the library.
 
 mod arguments;
+mod baseline;
 mod bench;
 mod compose;
 mod convert;
@@ -40,7 +41,7 @@ pub fn main() -> ExitCode {
         Command::Record(a) => record::record(a),
         Command::Demos(a) => demos::demos(a),
         Command::Convert(a) => convert::convert(a),
-        Command::Train(a) => train::train(a),
+        Command::Train(a) => train::train(a, &arguments),
         Command::Graph(a) => graph::graph(a, &arguments),
         Command::Compose(a) => compose::compose(a, &arguments),
         Command::Run(a) => run::run(a, &arguments),

@@ -1,6 +1,7 @@
 //! What the rest of the house asks of a learned model: encode states, predict traversability, act
 //! towards a nearby goal. No framework is named here; `inference` implements these traits.
 
+mod baseline;
 mod encoder;
 mod error;
 mod latents;
@@ -10,6 +11,10 @@ mod spec;
 mod temperature;
 mod traversability;
 
+pub use baseline::{
+    BASELINE_FORMAT_VERSION, BaselineManifest, BaselineMethod, BaselineRecord, BaselineSpec,
+    BaselineValidation, FeatureEncoder, FrozenPictures, ReactivePolicy,
+};
 pub use encoder::Encoder;
 pub use error::ModelError;
 pub use latents::Latents;

@@ -9,6 +9,7 @@
 
 mod alignment;
 mod augmentation;
+mod baseline;
 mod batch;
 mod budget;
 mod checkpoint;
@@ -41,6 +42,10 @@ mod trainer;
 mod variant;
 mod weights;
 
+pub use baseline::{
+    BaselineConfig, BaselineNetwork, BaselineOutputs, BaselineReport, TrainedBaseline,
+    TransformerConfig, train_baseline, train_baseline_on,
+};
 pub use config::{
     AugmentationConfig, EncoderConfig, ImitationConfig, NetworkConfig, OptimiserConfig,
     SamplingConfig, TrainingConfig,
@@ -48,7 +53,7 @@ pub use config::{
 pub use dataset::{Dataset, StateRef};
 pub use device::training_device;
 pub use error::TrainingError;
-pub use export::export;
+pub use export::{export, export_baseline};
 pub use network::LatentFlowNetwork;
 pub use normalisation::ChannelNormalisation;
 pub use observer::{SilentObserver, StepLosses, TrainingEvent, TrainingObserver};

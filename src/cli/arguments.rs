@@ -141,6 +141,14 @@ pub struct TrainArguments {
     /// Where checkpoints and losses go; by default a folder beside the model.
     #[arg(long)]
     pub run: Option<PathBuf>,
+    /// What to train: our model, or a baseline of the paper to compare it with.
+    #[arg(long, value_enum, default_value_t = MethodArgument::Ours)]
+    pub method: MethodArgument,
+    /// With `--method mvp`: the visual encoder, trained elsewhere, as an ONNX file with one input
+    /// [n, 3, height, width] and one output [n, features]. A JSON file beside it of the same name may say
+    /// mean and deviation (of 0 to 255) and the size of its pictures.
+    #[arg(long, value_name = "FILE")]
+    pub frozen_encoder: Option<PathBuf>,
     /// Size of the network and length of the training.
     #[arg(long, default_value = "paper")]
     pub preset: String,
@@ -361,6 +369,10 @@ pub struct EvaluateArguments {
     /// the runs with subgoals in order.
     #[arg(long, value_enum, default_value_t = PlannerArgument::InOrder)]
     pub planner: PlannerArgument,
+    /// Evaluate the baseline policy in this folder, written by `catena train --method`, instead of the task's
+    /// model and graph. Its goal image is the end of the task's first demonstration.
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["planner", "nearest_states", "composition"])]
+    pub policy: Option<PathBuf>,
 }
 
 /// `catena experiment ...`
@@ -558,6 +570,22 @@ pub enum PlannerArgument {
     InOrder,
     /// The shortest path over the merged graph, as in the paper.
     Unconstrained,
+}
+
+/// What is trained.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum MethodArgument {
+    /// The latent-flow model, to build graphs with and plan.
+    Ours,
+    /// Behavior cloning.
+    Bc,
+    /// Behavior cloning with a memory.
+    #[value(name = "bc_rnn")]
+    BcRnn,
+    /// A transformer over tokens of images.
+    Rt1,
+    /// Behavior cloning on features of a frozen encoder.
+    Mvp,
 }
 
 /// Inference engine.

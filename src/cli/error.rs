@@ -134,6 +134,39 @@ pub(super) enum CliError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// A frozen encoder without the baseline that wants one.
+    #[error(
+        "--frozen-encoder is for --method mvp; our model trains its own encoder, so leave it out"
+    )]
+    FrozenEncoderOfOurs,
+    /// A flag of our networks with a baseline.
+    #[error(
+        "{flag} is for our own networks (--method ours); a baseline has one network and sees all cameras"
+    )]
+    FlagOfOurs {
+        /// The flag.
+        flag: &'static str,
+    },
+    /// A baseline is evaluated on one task at a time.
+    #[error(
+        "'{composition}' has {tasks} tasks, but a baseline's policy is sent to the end of one task: evaluate it on \
+         a task"
+    )]
+    PolicyOfOneTask {
+        /// The composition.
+        composition: String,
+        /// Its tasks.
+        tasks: usize,
+    },
+    /// There is no image of the task's end.
+    #[error(
+        "task '{task}' names no demonstrations, and a baseline needs an image of the task's end: write \
+         'demonstrations: FOLDER' into its file"
+    )]
+    NoGoalImage {
+        /// The task.
+        task: String,
+    },
     /// A share that is none.
     #[error(
         "--nearest is {share}; it is a share of all states, above 0 and at most 1, such as 0.05"

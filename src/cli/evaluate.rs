@@ -1,6 +1,7 @@
 use rayon::prelude::*;
 
 use super::arguments::{Arguments, EvaluateArguments, PlannerArgument};
+use super::baseline::baseline_evaluation;
 use super::error::CliError;
 use super::loaded::Loaded;
 use super::{progress, shortcuts};
@@ -14,10 +15,29 @@ pub(super) fn evaluate(
     evaluate_arguments: &EvaluateArguments,
     arguments: &Arguments,
 ) -> Result<(), CliError> {
-    if evaluate_arguments.target == shortcuts::TARGET {
+    if evaluate_arguments.target == shortcuts::TARGET && evaluate_arguments.policy.is_none() {
         return shortcuts::evaluate_shortcuts(evaluate_arguments, arguments);
     }
-    let loaded = Loaded::load(&evaluate_arguments.target, arguments)?;
+    let target = &evaluate_arguments.target;
+    let evaluation = match &evaluate_arguments.policy {
+        Some(folder) => baseline_evaluation(target, folder, evaluate_arguments, arguments)?,
+        None => evaluation(target, evaluate_arguments, arguments)?,
+    };
+    if evaluate_arguments.json {
+        println!("{}", serde_json::to_string_pretty(&evaluation)?);
+    } else {
+        println!("{evaluation}");
+    }
+    Ok(())
+}
+
+/// How our method does on a task or a composition.
+pub(super) fn evaluation(
+    target: &str,
+    evaluate_arguments: &EvaluateArguments,
+    arguments: &Arguments,
+) -> Result<Evaluation, CliError> {
+    let loaded = Loaded::load(target, arguments)?;
     let bedroom = bedroom(&loaded, evaluate_arguments)?;
     let planner = loaded.planner(options(&loaded, evaluate_arguments.planner))?;
     let judged = loaded.composition.demonstrated_automaton();
@@ -33,20 +53,14 @@ pub(super) fn evaluate(
     })?;
     let subgoals: Vec<String> = judged.subgoals().iter().map(|s| s.name.clone()).collect();
     let level = format!("{:?}", bedroom.level).to_lowercase();
-    let evaluation = Evaluation::new(
+    Ok(Evaluation::new(
         &loaded.composition.name,
         &level,
         evaluate_arguments.seed,
         loaded.model.engine().description(),
         &subgoals,
         results,
-    );
-    if evaluate_arguments.json {
-        println!("{}", serde_json::to_string_pretty(&evaluation)?);
-    } else {
-        println!("{evaluation}");
-    }
-    Ok(())
+    ))
 }
 
 /// The bedroom of a composition at the level that is asked for.

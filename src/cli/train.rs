@@ -3,43 +3,36 @@ use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
 
-use super::arguments::TrainArguments;
+use super::arguments::{Arguments, TrainArguments};
+use super::baseline::{method_of, train_method};
 use super::error::CliError;
 use super::loaded::{read_demonstrations, read_options};
 use super::progress;
-use super::training_config::{training_config, write_run};
+use super::training_config::{preset, training_config, write_run};
 use crate::storage::{ReadOptions, Recordings};
 use crate::training::{TrainingEvent, TrainingObserver, export, train as fit};
 use crate::trajectory::{ActionDimension, ActionSpace, Binning, DemonstrationSet};
 
 /// `catena train`: demonstrations to a model in a folder of ONNX files.
-pub(super) fn train(arguments: &TrainArguments) -> Result<(), CliError> {
-    let run_folder = arguments
-        .run
-        .clone()
-        .unwrap_or_else(|| beside(&arguments.out));
-    if !arguments.resume && run_folder.join(CHECKPOINT).exists() {
-        return Err(CliError::RunExists { run: run_folder });
+pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), CliError> {
+    if let Some(method) = method_of(arguments.method) {
+        return train_method(method, arguments, all);
     }
-    let (sets, digests) = load_sets(
-        &arguments.demos,
-        arguments.bins,
-        &read_options(&arguments.read),
-    )?;
+    if arguments.frozen_encoder.is_some() {
+        return Err(CliError::FrozenEncoderOfOurs);
+    }
+    // A wrong name is told before the demonstrations are read.
+    preset(arguments)?;
+    let Prepared {
+        sets,
+        digests,
+        run_folder,
+    } = prepared(arguments)?;
     let config = training_config(arguments, &sets)?;
     config.check()?;
     if !run_folder.join(CHECKPOINT).exists() {
-        write_run(&run_folder, &config, &digests)?;
+        write_run(&run_folder, &config, config.seed, &digests)?;
     }
-    println!(
-        "training on {} states of {} tasks; checkpoints and losses.csv in {}{}",
-        sets.iter().map(DemonstrationSet::step_count).sum::<usize>(),
-        sets.len(),
-        run_folder.display(),
-        sets.first()
-            .map(|s| describe_bins(s.action_space()))
-            .unwrap_or_default(),
-    );
     let mut printer = Printer {
         bar: progress::bar("training", config.steps),
     };
@@ -66,13 +59,52 @@ pub(super) fn train(arguments: &TrainArguments) -> Result<(), CliError> {
     Ok(())
 }
 
+/// What a training begins with.
+pub(super) struct Prepared {
+    pub(super) sets: Vec<DemonstrationSet>,
+    /// Digests of the sets by their tasks' names.
+    pub(super) digests: BTreeMap<String, String>,
+    pub(super) run_folder: PathBuf,
+}
+
+/// Reads the demonstrations of a training and says what it begins with; refuses a run folder that holds another
+/// one's checkpoint unless it is to be resumed.
+pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError> {
+    let run_folder = arguments
+        .run
+        .clone()
+        .unwrap_or_else(|| beside(&arguments.out));
+    if !arguments.resume && run_folder.join(CHECKPOINT).exists() {
+        return Err(CliError::RunExists { run: run_folder });
+    }
+    let (sets, digests) = load_sets(
+        &arguments.demos,
+        arguments.bins,
+        &read_options(&arguments.read),
+    )?;
+    println!(
+        "training on {} states of {} tasks; checkpoints and losses.csv in {}{}",
+        sets.iter().map(DemonstrationSet::step_count).sum::<usize>(),
+        sets.len(),
+        run_folder.display(),
+        sets.first()
+            .map(|s| describe_bins(s.action_space()))
+            .unwrap_or_default(),
+    );
+    Ok(Prepared {
+        sets,
+        digests,
+        run_folder,
+    })
+}
+
 /// A share for people; "none" where there was nothing to measure.
 fn percent(share: Option<f64>) -> String {
     share.map_or_else(|| "none".to_owned(), |s| format!("{:.1} %", 100.0 * s))
 }
 
 /// The trainer's checkpoint in its run folder.
-const CHECKPOINT: &str = "checkpoint.safetensors";
+pub(super) const CHECKPOINT: &str = "checkpoint.safetensors";
 
 /// Runs lie beside the model, which is to hold nothing but what deploys.
 fn beside(model: &Path) -> PathBuf {
@@ -167,8 +199,19 @@ fn describe_bins(space: &ActionSpace) -> String {
     dimensions.iter().map(line).collect()
 }
 
-struct Printer {
-    bar: ProgressBar,
+/// Tells people how a training goes.
+pub(super) struct Printer {
+    pub(super) bar: ProgressBar,
+}
+
+impl Printer {
+    fn print(&self, line: String) {
+        if self.bar.is_hidden() {
+            println!("{line}");
+        } else {
+            self.bar.println(line);
+        }
+    }
 }
 
 impl TrainingObserver for Printer {
@@ -181,7 +224,7 @@ impl TrainingObserver for Printer {
                 parameters,
                 ..
             } => {
-                self.bar.println(format!(
+                self.print(format!(
                     "{training_states} states to train on, {validation_states} held out, {parameters} weights"
                 ));
                 self.bar.set_position(*resumed_from);
@@ -214,12 +257,18 @@ impl TrainingObserver for Printer {
                     percent(metrics.policy_accuracy_across),
                     if *is_best { "  (best)" } else { "" },
                 );
-                if self.bar.is_hidden() {
-                    println!("{line}");
-                } else {
-                    self.bar.println(line);
-                }
+                self.print(line);
             }
+            TrainingEvent::BaselineValidated {
+                step,
+                validation,
+                is_best,
+            } => self.print(format!(
+                "step {step:>6}: held out: loss {:.3}, {:.1} % of actions right{}",
+                validation.loss,
+                100.0 * validation.accuracy,
+                if *is_best { "  (best)" } else { "" },
+            )),
             TrainingEvent::CheckpointWritten { .. } => {}
         }
     }

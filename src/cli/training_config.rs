@@ -6,13 +6,15 @@ use std::io::Write;
 use std::path::Path;
 
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::arguments::TrainArguments;
 use super::error::CliError;
 use super::revision::revision;
+use crate::model::BaselineMethod;
 use crate::storage::write_file;
-use crate::training::{NetworkVariant, Preset, TrainingConfig, training_device};
+use crate::training::{BaselineConfig, NetworkVariant, Preset, TrainingConfig, training_device};
 use crate::trajectory::DemonstrationSet;
 
 /// The configuration of a run, complete: given to `--config` it repeats the training.
@@ -25,19 +27,13 @@ pub(super) fn training_config(
     arguments: &TrainArguments,
     sets: &[DemonstrationSet],
 ) -> Result<TrainingConfig, CliError> {
-    let mut config = preset(&arguments.preset)?;
+    let mut config = preset(arguments)?.config();
     if let Some(file) = &arguments.config {
         config = overridden(&config, file)?;
     }
-    if let Some(seed) = arguments.seed {
-        config.seed = seed;
-    }
-    if arguments.minutes.is_some() {
-        config.max_minutes = arguments.minutes;
-    }
-    if let Some(steps) = arguments.steps {
-        config.steps = steps as u64;
-    }
+    config.seed = arguments.seed.unwrap_or(config.seed);
+    config.max_minutes = arguments.minutes.or(config.max_minutes);
+    config.steps = arguments.steps.map_or(config.steps, |steps| steps as u64);
     if arguments.variant.is_some() || !arguments.cameras.is_empty() {
         let variant = arguments.variant.as_deref().map(variant).transpose()?;
         let variant = variant.unwrap_or(config.network.variant);
@@ -47,12 +43,36 @@ pub(super) fn training_config(
     Ok(config)
 }
 
-fn preset(name: &str) -> Result<TrainingConfig, CliError> {
-    let preset = Preset::parse(name).ok_or_else(|| CliError::UnknownPreset {
-        found: name.to_owned(),
+/// The same for a baseline, which has one network and sees all cameras.
+pub(super) fn baseline_config(
+    method: BaselineMethod,
+    arguments: &TrainArguments,
+) -> Result<BaselineConfig, CliError> {
+    let flag = if arguments.variant.is_some() {
+        Some("--variant")
+    } else {
+        (!arguments.cameras.is_empty()).then_some("--camera")
+    };
+    if let Some(flag) = flag {
+        return Err(CliError::FlagOfOurs { flag });
+    }
+    let mut config = BaselineConfig::of(method, preset(arguments)?);
+    if let Some(file) = &arguments.config {
+        config = overridden(&config, file)?;
+        config.method = method;
+    }
+    config.seed = arguments.seed.unwrap_or(config.seed);
+    config.max_minutes = arguments.minutes.or(config.max_minutes);
+    config.steps = arguments.steps.map_or(config.steps, |steps| steps as u64);
+    Ok(config)
+}
+
+/// The preset that is asked for.
+pub(super) fn preset(arguments: &TrainArguments) -> Result<Preset, CliError> {
+    Preset::parse(&arguments.preset).ok_or_else(|| CliError::UnknownPreset {
+        found: arguments.preset.clone(),
         known: Preset::NAMES.map(|(name, _)| name).join(", "),
-    })?;
-    Ok(preset.config())
+    })
 }
 
 fn variant(name: &str) -> Result<NetworkVariant, CliError> {
@@ -62,7 +82,7 @@ fn variant(name: &str) -> Result<NetworkVariant, CliError> {
     })
 }
 
-fn overridden(config: &TrainingConfig, file: &Path) -> Result<TrainingConfig, CliError> {
+fn overridden<C: Serialize + DeserializeOwned>(config: &C, file: &Path) -> Result<C, CliError> {
     let failed = |reason: String| CliError::TrainingConfig {
         file: file.to_owned(),
         reason,
@@ -100,7 +120,8 @@ struct RunRecord<'a> {
 /// which demonstrations, by their SHA-256, it was started.
 pub(super) fn write_run(
     run_folder: &Path,
-    config: &TrainingConfig,
+    config: &impl Serialize,
+    seed: u64,
     digests: &BTreeMap<String, String>,
 ) -> Result<(), CliError> {
     fs::create_dir_all(run_folder).map_err(|source| CliError::RunFolder {
@@ -110,7 +131,7 @@ pub(super) fn write_run(
     let record = RunRecord {
         version: env!("CARGO_PKG_VERSION"),
         commit: revision(Path::new(".")),
-        seed: config.seed,
+        seed,
         device: format!("{:?}", training_device()),
         demonstrations: digests,
     };

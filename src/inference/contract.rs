@@ -1,16 +1,16 @@
 //! [`Model`] as the encoder, the traversability function and the local policy of the house.
 
 use super::Model;
-use super::network::{Tensor, in_batches};
+use super::network::{Network, Tensor, in_batches};
 use super::pixels::planes;
 use crate::model::{
     ActionDistribution, Encoder, Latents, LocalPolicy, ModelError, ModelSpec, Projections,
     StepDistributions, Traversability,
 };
-use crate::trajectory::State;
+use crate::trajectory::{ActionSpace, CameraSpec, State};
 
 /// States that are encoded at once.
-const STATES_A_BATCH: usize = 16;
+pub(super) const STATES_A_BATCH: usize = 16;
 /// Latents that are projected at once.
 const LATENTS_A_BATCH: usize = 512;
 /// Pairs that are scored at once; larger batches were measured to be slower.
@@ -24,35 +24,40 @@ impl Encoder for Model {
     fn encode(&self, states: &[State]) -> Result<Latents, ModelError> {
         let dim = self.spec().latent_dim;
         let [latents] = in_batches(states.len(), STATES_A_BATCH, |range| {
-            encode_batch(self, &states[range])
+            let spec = self.spec();
+            encode_cameras(&self.encoder, &spec.cameras, spec.stack, &states[range])
         })?;
         check("values of the encoder", states.len() * dim, latents.len())?;
         Ok(Latents::from_values(dim, latents))
     }
 }
 
-fn encode_batch(model: &Model, states: &[State]) -> Result<[Vec<f32>; 1], ModelError> {
-    let spec = model.spec();
-    let mut pixels = Vec::with_capacity(spec.cameras.len());
-    for camera in &spec.cameras {
-        pixels.push(planes(states, camera, spec.stack)?);
+/// The values of `latent` for states, from the images of all cameras.
+pub(super) fn encode_cameras(
+    encoder: &Network,
+    cameras: &[CameraSpec],
+    stack: usize,
+    states: &[State],
+) -> Result<[Vec<f32>; 1], ModelError> {
+    let mut pixels = Vec::with_capacity(cameras.len());
+    for camera in cameras {
+        pixels.push(planes(states, camera, stack)?);
     }
-    let inputs: Vec<Tensor<'_>> = spec
-        .cameras
+    let inputs: Vec<Tensor<'_>> = cameras
         .iter()
         .zip(&pixels)
         .map(|(camera, values)| Tensor {
             name: &camera.name,
             shape: vec![
                 states.len(),
-                3 * spec.stack,
+                3 * stack,
                 camera.height as usize,
                 camera.width as usize,
             ],
             values,
         })
         .collect();
-    model.encoder.run(&inputs, states.len(), ["latent"])
+    encoder.run(&inputs, states.len(), ["latent"])
 }
 
 impl Traversability for Model {
@@ -128,24 +133,32 @@ impl LocalPolicy for Model {
         };
         let inputs = [input("from", from), input("goal", goal)];
         let [mut logits] = self.policy.run(&inputs, 1, ["logits"])?;
-        let sizes = self.spec().action_space.head_sizes();
-        check(
-            "logits of the local policy",
-            sizes.iter().sum(),
-            logits.len(),
-        )?;
-        let mut rest = logits.as_mut_slice();
-        let heads = sizes
-            .iter()
-            .map(|size| {
-                let (head, after) = std::mem::take(&mut rest).split_at_mut(*size);
-                rest = after;
-                softmax(head, 1.0);
-                head.to_vec()
-            })
-            .collect();
-        Ok(ActionDistribution { heads })
+        distribution(&mut logits, &self.spec().action_space)
     }
+}
+
+/// The probabilities of the classes of each head, whose logits lie side by side.
+pub(super) fn distribution(
+    logits: &mut [f32],
+    space: &ActionSpace,
+) -> Result<ActionDistribution, ModelError> {
+    let sizes = space.head_sizes();
+    check(
+        "logits of the local policy",
+        sizes.iter().sum(),
+        logits.len(),
+    )?;
+    let mut rest = logits;
+    let heads = sizes
+        .iter()
+        .map(|size| {
+            let (head, after) = std::mem::take(&mut rest).split_at_mut(*size);
+            rest = after;
+            softmax(head, 1.0);
+            head.to_vec()
+        })
+        .collect();
+    Ok(ActionDistribution { heads })
 }
 
 /// Rows of a table, one after another.
@@ -170,7 +183,8 @@ fn softmax(logits: &mut [f32], temperature: f32) {
     }
 }
 
-fn check(what: &str, expected: usize, found: usize) -> Result<(), ModelError> {
+/// Values of a network or for it must be as many as are expected.
+pub(super) fn check(what: &str, expected: usize, found: usize) -> Result<(), ModelError> {
     if expected == found {
         return Ok(());
     }

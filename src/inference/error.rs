@@ -86,4 +86,30 @@ pub enum InferenceError {
         /// What the network has.
         found: String,
     },
+    /// A frozen encoder is not what a baseline can be trained on.
+    #[error(
+        "the frozen encoder {path}: {what} should be {expected}, but is {found}; export it with one input \
+         [n, 3, height, width] and one output [n, features], both float32"
+    )]
+    FrozenEncoderMisfit {
+        /// The ONNX file.
+        path: PathBuf,
+        /// What does not fit.
+        what: &'static str,
+        /// What a baseline needs.
+        expected: String,
+        /// What the network has.
+        found: String,
+    },
+    /// The file beside a frozen encoder does not say how its pictures are made.
+    #[error(
+        "{path}: {reason}; it may hold \"mean\" and \"deviation\" (three values of 0 to 255 each), and \"height\" \
+         and \"width\" in pixels where the network leaves them open"
+    )]
+    PicturesMalformed {
+        /// The JSON file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
 }

@@ -114,24 +114,7 @@ impl Model {
             (POLICY_FILE, &self.policy, &["from", "goal"], &["logits"]),
         ];
         for (file, network, inputs, outputs) in networks {
-            let found = network.names();
-            for (what, expected, found) in [
-                ("the set of inputs", inputs, found.0),
-                ("the set of outputs", outputs, found.1),
-            ] {
-                let mut expected = expected.to_vec();
-                let mut found: Vec<&str> = found.iter().map(String::as_str).collect();
-                expected.sort_unstable();
-                found.sort_unstable();
-                if expected != found {
-                    return Err(InferenceError::NetworkMisfit {
-                        path: folder.join(file),
-                        what: what.to_owned(),
-                        expected: expected.join(", "),
-                        found: found.join(", "),
-                    });
-                }
-            }
+            check_names(&folder.join(file), network, inputs, outputs)?;
         }
         Ok(())
     }
@@ -170,7 +153,35 @@ impl fmt::Debug for Model {
     }
 }
 
-fn read(path: &Path) -> Result<Vec<u8>, InferenceError> {
+/// A network has these inputs and outputs and no others.
+pub(super) fn check_names(
+    path: &Path,
+    network: &Network,
+    inputs: &[&str],
+    outputs: &[&str],
+) -> Result<(), InferenceError> {
+    let found = network.names();
+    for (what, expected, found) in [
+        ("the set of inputs", inputs, found.0),
+        ("the set of outputs", outputs, found.1),
+    ] {
+        let mut expected = expected.to_vec();
+        let mut found: Vec<&str> = found.iter().map(String::as_str).collect();
+        expected.sort_unstable();
+        found.sort_unstable();
+        if expected != found {
+            return Err(InferenceError::NetworkMisfit {
+                path: path.to_path_buf(),
+                what: what.to_owned(),
+                expected: expected.join(", "),
+                found: found.join(", "),
+            });
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn read(path: &Path) -> Result<Vec<u8>, InferenceError> {
     std::fs::read(path).map_err(|e| InferenceError::FileUnreadable {
         path: path.to_path_buf(),
         reason: e.to_string(),

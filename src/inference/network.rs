@@ -3,7 +3,7 @@ use std::path::Path;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
 
 use ort::session::{Session, SessionInputValue};
-use ort::value::TensorRef;
+use ort::value::{TensorElementType, TensorRef, ValueType};
 use rayon::prelude::*;
 
 use super::{Engine, InferenceError};
@@ -20,6 +20,9 @@ pub(super) struct Network {
     bytes: Vec<u8>,
     sessions: Vec<OnceLock<Mutex<Session>>>,
 }
+
+/// The dimensions of an input or output, -1 where any length will do; none for what is no tensor of `f32`.
+pub(super) type Shape = Option<Vec<i64>>;
 
 /// A tensor of `f32`, row-major.
 pub(super) struct Tensor<'a> {
@@ -61,6 +64,23 @@ impl Network {
         let names =
             |outlets: &[ort::value::Outlet]| outlets.iter().map(|o| o.name().to_owned()).collect();
         (names(session.inputs()), names(session.outputs()))
+    }
+
+    /// The shapes of the inputs and of the outputs.
+    pub(super) fn shapes(&self) -> (Vec<Shape>, Vec<Shape>) {
+        let session = lock(self.sessions[0].get().expect("made by load"));
+        let shapes = |outlets: &[ort::value::Outlet]| {
+            let shape = |outlet: &ort::value::Outlet| match outlet.dtype() {
+                ValueType::Tensor {
+                    ty: TensorElementType::Float32,
+                    shape,
+                    ..
+                } => Some(shape.to_vec()),
+                _ => None,
+            };
+            outlets.iter().map(shape).collect()
+        };
+        (shapes(session.inputs()), shapes(session.outputs()))
     }
 
     /// Computes one batch of `rows` rows; `outputs` names what is wanted.

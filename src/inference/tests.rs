@@ -1,6 +1,7 @@
 //! A model of four networks so small that their results can be worked out by hand.
 
 mod agreement;
+mod baselines;
 mod fixture;
 mod onnx;
 mod trained;

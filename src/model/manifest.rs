@@ -40,6 +40,28 @@ pub enum ManifestError {
         /// The format that was found.
         found: u32,
     },
+    /// A baseline where a model was wanted.
+    #[error(
+        "this is a baseline policy and no model: it has no traversability to plan with. Evaluate it with \
+         `catena evaluate TASK --policy FOLDER`, or train a model with `catena train` without --method"
+    )]
+    IsBaseline,
+    /// A model where a baseline was wanted.
+    #[error(
+        "this is a model with a traversability function and no baseline policy: name it in a task's YAML file \
+         and run it without --policy, or train a baseline with `catena train --method bc`"
+    )]
+    NoBaseline,
+    /// The baseline was written by another version of the crate.
+    #[error(
+        "the baseline has format {found}, this version reads format {}; train it again or use a version of \
+         catena that knows format {found}",
+        super::BASELINE_FORMAT_VERSION
+    )]
+    BaselineVersion {
+        /// The format that was found.
+        found: u32,
+    },
     /// A file that the manifest does not name.
     #[error("the manifest does not name '{file}'; it names: {present}")]
     FileUnknown {
@@ -126,13 +148,13 @@ impl ModelManifest {
     /// Reads a manifest from its JSON text.
     ///
     /// # Errors
-    /// [`ManifestError::Malformed`] for anything else, [`ManifestError::Version`] for another format.
+    /// [`ManifestError::Malformed`] for anything else, [`ManifestError::Version`] for another format,
+    /// [`ManifestError::IsBaseline`] for the manifest of a baseline.
     pub fn from_json(json: &[u8]) -> Result<Self, ManifestError> {
-        #[derive(Deserialize)]
-        struct Head {
-            format_version: u32,
+        let head: ManifestHead = serde_json::from_slice(json)?;
+        if head.kind.is_some() {
+            return Err(ManifestError::IsBaseline);
         }
-        let head: Head = serde_json::from_slice(json)?;
         if head.format_version != MODEL_FORMAT_VERSION {
             return Err(ManifestError::Version {
                 found: head.format_version,
@@ -157,21 +179,7 @@ impl ModelManifest {
     /// # Errors
     /// [`ManifestError::FileUnknown`], [`ManifestError::DigestDiffers`].
     pub fn verify(&self, file: &str, bytes: &[u8]) -> Result<(), ManifestError> {
-        let Some(expected) = self.files.get(file) else {
-            return Err(ManifestError::FileUnknown {
-                file: file.to_owned(),
-                present: self.files.keys().cloned().collect::<Vec<_>>().join(", "),
-            });
-        };
-        let found = sha256_hex(bytes);
-        if found == *expected {
-            return Ok(());
-        }
-        Err(ManifestError::DigestDiffers {
-            file: file.to_owned(),
-            expected: expected.clone(),
-            found,
-        })
+        verify(&self.files, file, bytes)
     }
 
     /// A digest of the model as a whole: of its specification, temperature and files, so that two
@@ -189,6 +197,37 @@ impl ModelManifest {
         );
         sha256_hex(&serde_json::to_vec(&what).expect("a manifest has a JSON form"))
     }
+}
+
+/// What tells manifests apart before anything else of them is read.
+#[derive(Deserialize)]
+pub(super) struct ManifestHead {
+    pub(super) format_version: u32,
+    /// Only baselines say what they are.
+    #[serde(default)]
+    pub(super) kind: Option<String>,
+}
+
+pub(super) fn verify(
+    files: &BTreeMap<String, String>,
+    file: &str,
+    bytes: &[u8],
+) -> Result<(), ManifestError> {
+    let Some(expected) = files.get(file) else {
+        return Err(ManifestError::FileUnknown {
+            file: file.to_owned(),
+            present: files.keys().cloned().collect::<Vec<_>>().join(", "),
+        });
+    };
+    let found = sha256_hex(bytes);
+    if found == *expected {
+        return Ok(());
+    }
+    Err(ManifestError::DigestDiffers {
+        file: file.to_owned(),
+        expected: expected.clone(),
+        found,
+    })
 }
 
 /// SHA-256 in lower-case hexadecimal.

@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::weights::NamedWeights;
@@ -20,9 +21,9 @@ const OPTIMISER: &str = "optimiser";
 
 /// A checkpoint in memory.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Checkpoint {
+pub struct Checkpoint<S = TrainingState> {
     /// Everything that is no tensor.
-    pub state: TrainingState,
+    pub state: S,
     /// The weights after the last step.
     pub weights: Vec<NamedWeights>,
     /// Their averages.
@@ -76,7 +77,7 @@ struct Entry {
     data_offsets: [usize; 2],
 }
 
-impl Checkpoint {
+impl<S: Serialize + DeserializeOwned> Checkpoint<S> {
     /// Where the checkpoint of a run lies.
     pub fn path(run_folder: &Path) -> PathBuf {
         run_folder.join(FILE)
@@ -159,7 +160,7 @@ impl Checkpoint {
             return Err("its contents do not match their SHA-256".to_owned());
         }
         let state = serde_json::from_str(&text(STATE))
-            .map_err(|e| format!("its training state is of another version: {e}"))?;
+            .map_err(|e| format!("its training state is of another method or version: {e}"))?;
         let mut checkpoint = Self {
             state,
             weights: Vec::new(),
@@ -253,7 +254,7 @@ mod tests {
     #[test]
     fn what_is_saved_is_loaded_in_the_same_order() {
         let folder = tempfile::tempdir().unwrap();
-        assert_eq!(Checkpoint::load(folder.path()).unwrap(), None);
+        assert_eq!(<Checkpoint>::load(folder.path()).unwrap(), None);
         checkpoint().save(folder.path()).unwrap();
         checkpoint().save(folder.path()).unwrap();
         let loaded = Checkpoint::load(folder.path()).unwrap();
@@ -270,14 +271,14 @@ mod tests {
         for length in [0, 7, 8, 60, bytes.len() - 1] {
             std::fs::write(&path, &bytes[..length]).unwrap();
             assert!(matches!(
-                Checkpoint::load(folder.path()),
+                <Checkpoint>::load(folder.path()),
                 Err(TrainingError::CheckpointUnusable { .. })
             ));
         }
         let mut flipped = bytes.clone();
         *flipped.last_mut().unwrap() ^= 1;
         std::fs::write(&path, &flipped).unwrap();
-        let message = Checkpoint::load(folder.path()).unwrap_err().to_string();
+        let message = <Checkpoint>::load(folder.path()).unwrap_err().to_string();
         assert!(message.contains("SHA-256"), "{message}");
     }
 }

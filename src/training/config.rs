@@ -339,7 +339,7 @@ impl TrainingConfig {
     }
 }
 
-fn demand(
+pub(super) fn demand(
     holds: bool,
     field: &'static str,
     value: impl std::fmt::Display,

@@ -2,6 +2,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use crate::model::{BaselineMethod, ModelError};
 use crate::trajectory::TrajectoryError;
 
 /// Why a training or an export did not come to its end.
@@ -105,6 +106,29 @@ pub enum TrainingError {
         value: String,
         /// What it has to be.
         demand: &'static str,
+    },
+    /// The method learns on features of an encoder that was not given.
+    #[error(
+        "the method {method} learns on features of a frozen encoder: give one as an ONNX file \
+         (--frozen-encoder FILE.onnx)"
+    )]
+    FrozenEncoderNeeded {
+        /// The method.
+        method: BaselineMethod,
+    },
+    /// A frozen encoder was given to a method that trains its own.
+    #[error(
+        "the method {method} trains its own encoder: leave the frozen one (--frozen-encoder) out, or train mvp"
+    )]
+    FrozenEncoderUnused {
+        /// The method.
+        method: BaselineMethod,
+    },
+    /// The frozen encoder gave no features.
+    #[error("the frozen encoder gave no features of the demonstrations: {source}")]
+    FrozenEncoder {
+        /// What it said.
+        source: ModelError,
     },
     /// The loss is no finite number any more.
     #[error(

@@ -268,7 +268,8 @@ pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     data.try_to_vec().expect("converted to f32")
 }
 
-fn cross_entropy(logits: &[f32], class: usize, temperature: f64) -> f64 {
+/// Cross-entropy of a class in nats, the logits divided by a temperature.
+pub fn cross_entropy(logits: &[f32], class: usize, temperature: f64) -> f64 {
     let scaled = |logit: f32| f64::from(logit) / temperature;
     let top = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let sum: f64 = logits
@@ -278,7 +279,8 @@ fn cross_entropy(logits: &[f32], class: usize, temperature: f64) -> f64 {
     sum.ln() + scaled(top) - scaled(logits[class])
 }
 
-fn largest(logits: &[f32]) -> usize {
+/// The largest logit; the first of several.
+pub fn largest(logits: &[f32]) -> usize {
     let mut best = 0;
     for (index, logit) in logits.iter().enumerate() {
         if *logit > logits[best] {

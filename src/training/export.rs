@@ -1,8 +1,13 @@
-//! Writes a trained network as ONNX files with a manifest.
+//! Writes a trained network, ours or a baseline, as ONNX files with a manifest.
 
+mod baseline;
 mod files;
+mod gated_unit;
 mod graphs;
 mod onnx;
+mod tokens;
+mod transformer;
 
+pub use baseline::export_baseline;
 pub use files::export;
 pub(super) use files::write_beside;

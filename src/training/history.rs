@@ -9,13 +9,9 @@ const HEADER: &str = "step,learning_rate,total,near,far,policy,validation_traver
 validation_traversability_accuracy,validation_wormhole_rate,validation_look_alike_wormhole_rate,validation_policy_loss,\
 validation_policy_accuracy,validation_policy_accuracy_across\n";
 
-/// Commas in a whole row.
-const COMMAS: usize = 12;
-
 /// The losses of a training as `losses.csv` in its run folder, a row a step.
 pub struct History {
-    path: PathBuf,
-    file: BufWriter<File>,
+    table: LossTable,
 }
 
 impl History {
@@ -24,24 +20,9 @@ impl History {
     /// # Errors
     /// [`TrainingError::Io`].
     pub fn open(run_folder: &Path, step: u64) -> Result<Self, TrainingError> {
-        let path = run_folder.join("losses.csv");
-        let kept = fs::read_to_string(&path).unwrap_or_default();
-        let mut text = String::from(HEADER);
-        for line in kept.lines().skip(1) {
-            let number = line.split(',').next().and_then(|n| n.parse::<u64>().ok());
-            if line.matches(',').count() == COMMAS && number.is_some_and(|n| n <= step) {
-                text.push_str(line);
-                text.push('\n');
-            }
-        }
-        let failed = |source| TrainingError::Io {
-            action: "write",
-            path: path.clone(),
-            source,
-        };
-        let mut file = BufWriter::new(File::create(&path).map_err(failed)?);
-        file.write_all(text.as_bytes()).map_err(failed)?;
-        Ok(Self { path, file })
+        Ok(Self {
+            table: LossTable::open(run_folder, HEADER, step)?,
+        })
     }
 
     /// Adds a row; `validation` where this step was followed by one.
@@ -77,19 +58,9 @@ impl History {
                 )
             },
         );
-        writeln!(
-            self.file,
-            "{step},{learning_rate:.3e},{total:.5},{near:.5},{far:.5},{policy:.5},{tail}"
-        )
-        .and_then(|()| match validation {
-            Some(_) => self.file.flush(),
-            None => Ok(()),
-        })
-        .map_err(|source| TrainingError::Io {
-            action: "write",
-            path: self.path.clone(),
-            source,
-        })
+        let row =
+            format!("{step},{learning_rate:.3e},{total:.5},{near:.5},{far:.5},{policy:.5},{tail}");
+        self.table.add(&row, validation.is_some())
     }
 
     /// Hands all rows to the system.
@@ -97,11 +68,68 @@ impl History {
     /// # Errors
     /// [`TrainingError::Io`].
     pub fn flush(&mut self) -> Result<(), TrainingError> {
-        self.file.flush().map_err(|source| TrainingError::Io {
+        self.table.flush()
+    }
+}
+
+/// `losses.csv` of any training: rows that begin with their step.
+pub struct LossTable {
+    path: PathBuf,
+    file: BufWriter<File>,
+}
+
+impl LossTable {
+    /// Opens the file with this header line; rows beyond `step` and rows that were cut off are dropped.
+    ///
+    /// # Errors
+    /// [`TrainingError::Io`].
+    pub fn open(run_folder: &Path, header: &str, step: u64) -> Result<Self, TrainingError> {
+        let path = run_folder.join("losses.csv");
+        let commas = header.matches(',').count();
+        let kept = fs::read_to_string(&path).unwrap_or_default();
+        let mut text = String::from(header);
+        for line in kept.lines().skip(1) {
+            let number = line.split(',').next().and_then(|n| n.parse::<u64>().ok());
+            if line.matches(',').count() == commas && number.is_some_and(|n| n <= step) {
+                text.push_str(line);
+                text.push('\n');
+            }
+        }
+        let failed = |source| TrainingError::Io {
+            action: "write",
+            path: path.clone(),
+            source,
+        };
+        let mut file = BufWriter::new(File::create(&path).map_err(failed)?);
+        file.write_all(text.as_bytes()).map_err(failed)?;
+        Ok(Self { path, file })
+    }
+
+    /// Adds a row, and hands all rows to the system if that is asked for.
+    ///
+    /// # Errors
+    /// [`TrainingError::Io`].
+    pub fn add(&mut self, row: &str, flush: bool) -> Result<(), TrainingError> {
+        let written = writeln!(self.file, "{row}");
+        written.map_err(|source| self.failed(source))?;
+        if flush { self.flush() } else { Ok(()) }
+    }
+
+    /// Hands all rows to the system.
+    ///
+    /// # Errors
+    /// [`TrainingError::Io`].
+    pub fn flush(&mut self) -> Result<(), TrainingError> {
+        let flushed = self.file.flush();
+        flushed.map_err(|source| self.failed(source))
+    }
+
+    fn failed(&self, source: std::io::Error) -> TrainingError {
+        TrainingError::Io {
             action: "write",
             path: self.path.clone(),
             source,
-        })
+        }
     }
 }
 

@@ -8,7 +8,7 @@ mod initialiser;
 mod keypoints;
 
 pub use convolution::StandardisedConvolution;
-pub use encoder::{CameraEncoder, ResidualBlock};
+pub use encoder::{CameraEncoder, ResidualBlock, Stage, feature_maps};
 pub use head::{Dense, FlowHead};
 pub use initialiser::Initialiser;
 pub use keypoints::{Keypoints, coordinate_values};
@@ -70,7 +70,7 @@ impl LatentFlowNetwork {
         Self {
             encoders: grids
                 .iter()
-                .map(|grid| CameraEncoder::new(grid, config, &mut init))
+                .map(|grid| CameraEncoder::new(grid, &config.encoder, config.variant, &mut init))
                 .collect(),
             traversability: FlowHead::new(latent_dim, config, d_max, &mut init),
             policy: FlowHead::new(latent_dim, config, action_classes, &mut init),

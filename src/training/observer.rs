@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use crate::model::ValidationMetrics;
+use crate::model::{BaselineValidation, ValidationMetrics};
 
 /// The losses of one step, without the weights of policy and far pairs unless said.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,6 +53,15 @@ pub enum TrainingEvent {
         /// The temperature that calibrates the traversability.
         temperature: f32,
         /// Whether no earlier weights did better.
+        is_best: bool,
+    },
+    /// The averaged weights of a baseline were tried on the held-out demonstrations.
+    BaselineValidated {
+        /// Number of steps done.
+        step: u64,
+        /// How well they did.
+        validation: BaselineValidation,
+        /// Whether no earlier weights had a lower loss.
         is_best: bool,
     },
     /// A checkpoint was written.

@@ -35,7 +35,7 @@ impl TrainedModel {
     /// # Errors
     /// [`TrainingError::CheckpointUnusable`], [`TrainingError::Io`].
     pub fn of_run(run_folder: &Path) -> Result<Option<Self>, TrainingError> {
-        let Some(checkpoint) = Checkpoint::load(run_folder)? else {
+        let Some(checkpoint) = <Checkpoint>::load(run_folder)? else {
             return Ok(None);
         };
         let state = checkpoint.state;
@@ -51,7 +51,7 @@ impl TrainedModel {
         )
         .map(Some)
         .map_err(|reason| TrainingError::CheckpointUnusable {
-            path: Checkpoint::path(run_folder),
+            path: <Checkpoint>::path(run_folder),
             reason,
         })
     }

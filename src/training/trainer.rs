@@ -17,8 +17,8 @@ use super::schedule::learning_rate;
 use super::trained_model::{network_of, pictures_of, spec_of};
 use super::weights::{Average, NamedWeights, assign, collect};
 use super::{
-    ChannelNormalisation, Dataset, LatentFlowNetwork, StepLosses, TrainedModel, TrainingConfig,
-    TrainingError, TrainingEvent, TrainingObserver, training_device,
+    ChannelNormalisation, Dataset, LatentFlowNetwork, OptimiserConfig, StepLosses, TrainedModel,
+    TrainingConfig, TrainingError, TrainingEvent, TrainingObserver, training_device,
 };
 use crate::trajectory::DemonstrationSet;
 
@@ -128,7 +128,7 @@ impl<'a> Run<'a> {
             demonstrations: data.fingerprint(),
         };
         let average = Average::new(config.optimiser.average_decay, collect(&network));
-        let checkpoint = Checkpoint::load(run_folder)?;
+        let checkpoint = <Checkpoint>::load(run_folder)?;
         let done = checkpoint.as_ref().map_or(0, |c| c.state.step);
         let mut run = Self {
             data,
@@ -139,7 +139,7 @@ impl<'a> Run<'a> {
             validation,
             training_states: data.states_of(&split.training).count(),
             network,
-            optimiser: optimiser(config),
+            optimiser: optimiser(&config.optimiser),
             average,
             best: Vec::new(),
             state,
@@ -152,7 +152,7 @@ impl<'a> Run<'a> {
     }
 
     fn resume(&mut self, checkpoint: Checkpoint) -> Result<(), TrainingError> {
-        let path = Checkpoint::path(self.folder);
+        let path = <Checkpoint>::path(self.folder);
         let another = |what| TrainingError::CheckpointOfAnother {
             path: path.clone(),
             what,
@@ -171,7 +171,7 @@ impl<'a> Run<'a> {
             reason,
         };
         self.network = assign(self.network.clone(), &checkpoint.weights).map_err(unusable)?;
-        self.optimiser = optimiser(&config)
+        self.optimiser = optimiser(&config.optimiser)
             .from_bytes(Bytes::from_bytes_vec(checkpoint.optimiser))
             .map_err(|e| unusable(format!("its optimiser state is damaged: {e}")))?;
         self.average = Average::new(config.optimiser.average_decay, checkpoint.average);
@@ -334,7 +334,7 @@ impl<'a> Run<'a> {
         self.history.flush()?;
         let optimiser = self.optimiser.into_bytes().map_err(|e| TrainingError::Io {
             action: "serialise the optimiser for",
-            path: Checkpoint::path(self.folder),
+            path: <Checkpoint>::path(self.folder),
             source: std::io::Error::other(e.to_string()),
         })?;
         let checkpoint = Checkpoint {
@@ -354,7 +354,7 @@ impl<'a> Run<'a> {
 
     fn report(self, states_per_sec: f64) -> Result<TrainingReport, TrainingError> {
         let unusable = |reason| TrainingError::CheckpointUnusable {
-            path: Checkpoint::path(self.folder),
+            path: <Checkpoint>::path(self.folder),
             reason,
         };
         let state = self.state;
@@ -378,13 +378,12 @@ impl<'a> Run<'a> {
     }
 }
 
-fn optimiser(config: &TrainingConfig) -> ModuleOptimizer {
+/// `AdamW` as a configuration has it.
+pub(super) fn optimiser(config: &OptimiserConfig) -> ModuleOptimizer {
     AdamWConfig::new()
         .with_epsilon(1e-8)
-        .with_weight_decay(config.optimiser.weight_decay)
-        .with_grad_clipping(Some(GradientClippingConfig::Norm(
-            config.optimiser.clip_norm,
-        )))
+        .with_weight_decay(config.weight_decay)
+        .with_grad_clipping(Some(GradientClippingConfig::Norm(config.clip_norm)))
         .init()
 }
 

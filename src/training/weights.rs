@@ -1,8 +1,6 @@
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Tensor, TensorData};
 
-use super::LatentFlowNetwork;
-
 /// The values of one parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedWeights {
@@ -15,7 +13,7 @@ pub struct NamedWeights {
 }
 
 /// All parameters of a network in a fixed order.
-pub fn collect(network: &LatentFlowNetwork) -> Vec<NamedWeights> {
+pub fn collect<M: Module>(network: &M) -> Vec<NamedWeights> {
     let mut collector = Collector::default();
     network.visit(&mut collector);
     collector.found
@@ -23,10 +21,7 @@ pub fn collect(network: &LatentFlowNetwork) -> Vec<NamedWeights> {
 
 /// The network with other values in its parameters, or the name of the first parameter that does not
 /// fit.
-pub fn assign(
-    network: LatentFlowNetwork,
-    weights: &[NamedWeights],
-) -> Result<LatentFlowNetwork, String> {
+pub fn assign<M: Module>(network: M, weights: &[NamedWeights]) -> Result<M, String> {
     let present = collect(&network);
     if present.len() != weights.len() {
         return Err(format!(
@@ -60,7 +55,7 @@ impl Average {
     }
 
     /// Moves the averages towards the weights after `step` steps; early averages forget faster.
-    pub fn update(&mut self, network: &LatentFlowNetwork, step: u64) {
+    pub fn update<M: Module>(&mut self, network: &M, step: u64) {
         let early = (1.0 + step as f64) / (10.0 + step as f64);
         let keep = self.decay.min(early) as f32;
         for (average, current) in self.weights.iter_mut().zip(collect(network)) {

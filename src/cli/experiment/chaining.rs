@@ -45,6 +45,7 @@ pub(super) fn chaining(
         level: chaining_arguments.level,
         nearest_states: None,
         planner: PlannerArgument::InOrder,
+        policy: None,
     };
     let out = &chaining_arguments.out;
     let mut cells = Vec::new();

@@ -11,12 +11,17 @@ use super::plan::{QUICK_NOTE, Size, digest, out};
 use super::workshop::{Trained, Workshop};
 use super::{keep, kept, write_text};
 use crate::cli::arguments::{Arguments, PaperArguments};
+use crate::cli::baseline::goal_state;
 use crate::cli::error::CliError;
-use crate::cli::loaded::Loaded;
+use crate::cli::loaded::{Loaded, bedroom};
 use crate::cli::revision::revision;
+use crate::composer::compose_named;
 use crate::environment::Environment;
-use crate::model::ActionDistribution;
-use crate::rollout::{Controller, Decision};
+use crate::inference::Baseline;
+use crate::model::{ActionDistribution, ReactivePolicy};
+use crate::rollout::{
+    Controller, Decision, ReactiveObserver, ReactiveRollout, ReactiveStep, RolloutOptions,
+};
 use crate::simulator::Bedroom;
 use crate::trajectory::ActionSpace;
 use crate::view::{Rate, write_rates_svg};
@@ -104,6 +109,23 @@ fn first_actions(
     arguments: &Arguments,
 ) -> Result<(Vec<String>, Vec<ActionDistribution>), CliError> {
     let rooted = Arguments::at(&trained.root, arguments.engine);
+    let composition = compose_named(TASK, &trained.root)?;
+    let mut room = Bedroom::new(bedroom(&composition)?);
+    let mut first = Vec::new();
+    let seeds = (size.seed..).take(size.episodes);
+    if !method.plans {
+        let policy = Baseline::load(&trained.model, arguments.engine.into())?;
+        let goal = goal_state(&composition.tasks[0], policy.spec())?;
+        let options = RolloutOptions {
+            max_steps: 1,
+            ..RolloutOptions::default()
+        };
+        let rollout = ReactiveRollout::new(&policy, &goal, options)?;
+        for seed in seeds {
+            rollout.run(&mut room, seed, &mut Kept(&mut first), |_| false)?;
+        }
+        return Ok((names_of(&policy.spec().action_space)?, first));
+    }
     let loaded = Loaded::load(TASK, &rooted)?;
     let planner = loaded.planner(loaded.composition.planner.clone())?;
     let mut controller = Controller::new(
@@ -111,17 +133,22 @@ fn first_actions(
         planner,
         loaded.rollout_options(None),
     )?;
-    let mut room = Bedroom::new(loaded.bedroom()?);
-    let mut first = Vec::new();
-    for seed in (size.seed..).take(size.episodes) {
+    for seed in seeds {
         controller.reset(seed);
         let seen = room.reset(seed)?;
         if let Decision::Act(record) = controller.step(Arc::new(seen))? {
             first.push(record.distribution);
         }
     }
-    let _ = method;
     Ok((names_of(&controller.spec().action_space)?, first))
+}
+
+struct Kept<'a>(&'a mut Vec<ActionDistribution>);
+
+impl ReactiveObserver for Kept<'_> {
+    fn on_step(&mut self, step: &ReactiveStep) {
+        self.0.push(step.distribution.clone());
+    }
 }
 
 /// Names of the classes of the first head.

@@ -30,6 +30,7 @@ fn print_outputs(choice: EngineChoice) {
         .chain(steps.rows().flatten())
         .chain(actions.heads.iter().flatten())
         .copied()
+        .chain(baselines::outputs(choice))
         .collect();
     println!("{MARK}{}", serde_json::to_string(&all).expect("numbers"));
 }

@@ -14,7 +14,7 @@ use crate::trajectory::{
 const STEPS: usize = 21;
 
 /// Two cameras of different sizes, with pictures in which every pixel differs.
-fn demonstration() -> Trajectory {
+pub fn demonstration() -> Trajectory {
     let image = |height: u32, width: u32, step: usize| {
         let rgb: Vec<u8> = (0..(height * width * 3) as usize)
             .map(|i| ((i * 37 + step * 101 + i / 7 * step) % 256) as u8)
@@ -45,13 +45,13 @@ fn demonstration() -> Trajectory {
     }
 }
 
-fn softmax(row: &[f32], temperature: f32) -> Vec<f32> {
+pub fn softmax(row: &[f32], temperature: f32) -> Vec<f32> {
     let weights: Vec<f32> = row.iter().map(|v| (v / temperature).exp()).collect();
     let sum: f32 = weights.iter().sum();
     weights.iter().map(|w| w / sum).collect()
 }
 
-fn assert_near(what: &str, found: &[f32], expected: &[f32]) {
+pub fn assert_near(what: &str, found: &[f32], expected: &[f32]) {
     assert_eq!(found.len(), expected.len(), "{what}");
     for (i, (a, b)) in found.iter().zip(expected).enumerate() {
         assert!(near(*a, *b), "{what} {i}: {a} here, {b} in training");

@@ -30,6 +30,16 @@ pub fn export(
         (POLICY_FILE, graphs::policy(model)),
     ];
     let manifest = manifest(model, datasets, &files);
+    write_folder(folder, &files, &manifest.to_json())?;
+    Ok(manifest)
+}
+
+/// Writes the files of a folder and its manifest; a new folder appears complete or not at all.
+pub(super) fn write_folder(
+    folder: &Path,
+    files: &[(&str, Vec<u8>)],
+    manifest: &[u8],
+) -> Result<(), TrainingError> {
     let new = !folder.exists();
     let target = if new {
         beside(folder)
@@ -37,14 +47,14 @@ pub fn export(
         folder.to_owned()
     };
     std::fs::create_dir_all(&target).map_err(failed("create", &target))?;
-    for (name, bytes) in &files {
+    for (name, bytes) in files {
         write_beside(&target.join(name), bytes)?;
     }
-    write_beside(&target.join(MANIFEST_FILE), &manifest.to_json())?;
+    write_beside(&target.join(MANIFEST_FILE), manifest)?;
     if new {
         std::fs::rename(&target, folder).map_err(failed("rename", &target))?;
     }
-    Ok(manifest)
+    Ok(())
 }
 
 fn manifest(

@@ -1,67 +1,73 @@
 use burn::tensor::Tensor;
 
 use super::onnx::{Attribute, OnnxGraph};
+use crate::training::TrainedModel;
+use crate::training::batch::Pictures;
 use crate::training::evaluation::values;
 use crate::training::network::{
-    CameraEncoder, Dense, FlowHead, HeadKind, Keypoints, ResidualBlock, coordinate_values,
+    CameraEncoder, Dense, FlowHead, HeadKind, Keypoints, ResidualBlock, Stage, coordinate_values,
 };
 use crate::training::patches::PatchGrid;
-use crate::training::{ChannelNormalisation, TrainedModel};
 
 /// `encoder.onnx`: raw pixel values of each camera to the latent. Normalisation is inside.
 pub fn encoder(model: &TrainedModel) -> Vec<u8> {
-    let mut graph = OnnxGraph::default();
-    let pictures = model.pictures();
-    let mut normalised = Vec::new();
-    for (camera, grid) in pictures.grids.iter().enumerate() {
-        let input = graph.input(
-            &pictures.names[camera],
-            &[3 * grid.stack, grid.height, grid.width],
-        );
-        normalised.push(normalise(
-            &mut graph,
-            &model.normalisation[camera],
-            grid,
-            &input,
-        ));
+    let encoders = &model.network.encoders;
+    let (pictures, latent_dim) = (model.pictures(), model.spec.latent_dim);
+    if !model.network.joins_pixels() {
+        return of_cameras(&pictures, latent_dim, |graph, camera, grid, input| {
+            camera_encoder(graph, &encoders[camera], grid, input)
+        });
     }
-    let cameras: Vec<_> = (model.network.encoders.iter())
-        .zip(&pictures.grids)
-        .zip(&normalised)
-        .map(|((encoder, grid), input)| (encoder, grid, input.as_str()))
-        .collect();
+    let mut graph = OnnxGraph::default();
+    let inputs = normalised_inputs(&mut graph, &pictures);
     let mut parts = Vec::new();
-    if model.network.joins_pixels() {
-        for half in [Half::Left, Half::Reached] {
-            for (encoder, grid, input) in &cameras {
-                parts.push(half_map(&mut graph, encoder, grid, input, half));
-            }
-        }
-    } else {
-        for (encoder, grid, input) in &cameras {
-            parts.push(camera_encoder(&mut graph, encoder, grid, input));
+    for half in [Half::Left, Half::Reached] {
+        let cameras = encoders.iter().zip(&pictures.grids).zip(&inputs);
+        for ((encoder, grid), input) in cameras {
+            parts.push(half_map(&mut graph, encoder, grid, input, half));
         }
     }
     let latent = concat(&mut graph, &parts);
-    graph.output("latent", &latent, &[model.spec.latent_dim]);
+    graph.output("latent", &latent, &[latent_dim]);
     graph.into_model("encoder")
 }
 
-fn normalise(
-    graph: &mut OnnxGraph,
-    normalisation: &ChannelNormalisation,
-    grid: &PatchGrid,
-    input: &str,
-) -> String {
-    let channels = 3 * grid.stack;
-    let of_channels = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
-        (0..channels).map(|c| value(c % 3)).collect()
-    };
-    let shape = [1, channels, 1, 1];
-    let mean = graph.constant(&shape, &of_channels(&|c| normalisation.mean[c]));
-    let deviation = graph.constant(&shape, &of_channels(&|c| normalisation.deviation[c]));
-    let centred = graph.node("Sub", &[input, &mean], &[]);
-    graph.node("Div", &[&centred, &deviation], &[])
+/// A network from the raw pixel values of each camera to one latent; `encode` adds what turns the normalised
+/// values of a camera into its part.
+pub fn of_cameras(
+    pictures: &Pictures,
+    latent_dim: usize,
+    encode: impl Fn(&mut OnnxGraph, usize, &PatchGrid, &str) -> String,
+) -> Vec<u8> {
+    let mut graph = OnnxGraph::default();
+    let inputs = normalised_inputs(&mut graph, pictures);
+    let cameras = pictures.grids.iter().zip(&inputs).enumerate();
+    let parts: Vec<String> = cameras
+        .map(|(camera, (grid, input))| encode(&mut graph, camera, grid, input))
+        .collect();
+    let latent = concat(&mut graph, &parts);
+    graph.output("latent", &latent, &[latent_dim]);
+    graph.into_model("encoder")
+}
+
+/// An input for each camera, and its values normalised.
+fn normalised_inputs(graph: &mut OnnxGraph, pictures: &Pictures) -> Vec<String> {
+    let mut normalised = Vec::new();
+    for (camera, grid) in pictures.grids.iter().enumerate() {
+        let channels = 3 * grid.stack;
+        let dims = [channels, grid.height, grid.width];
+        let input = graph.input(&pictures.names[camera], &dims);
+        let normalisation = &pictures.normalisation[camera];
+        let of_channels = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
+            (0..channels).map(|c| value(c % 3)).collect()
+        };
+        let shape = [1, channels, 1, 1];
+        let mean = graph.constant(&shape, &of_channels(&|c| normalisation.mean[c]));
+        let deviation = graph.constant(&shape, &of_channels(&|c| normalisation.deviation[c]));
+        let centred = graph.node("Sub", &[&input, &mean], &[]);
+        normalised.push(graph.node("Div", &[&centred, &deviation], &[]));
+    }
+    normalised
 }
 
 /// Values `[n, ...]` one after another.
@@ -73,15 +79,16 @@ fn concat(graph: &mut OnnxGraph, parts: &[String]) -> String {
     }
 }
 
-fn camera_encoder(
+/// The latent of one camera from its normalised values.
+pub fn camera_encoder(
     graph: &mut OnnxGraph,
     encoder: &CameraEncoder,
     grid: &PatchGrid,
     input: &str,
 ) -> String {
     let (weight, bias) = (encoder.stem.weight.val(), encoder.stem.bias.val());
-    let stem = stem(graph, weight, Some(bias), grid, input);
-    after_first_layer(graph, encoder, &stem)
+    let seen = stem(graph, weight, Some(bias), grid, input);
+    camera_latent(graph, encoder, &seen)
 }
 
 /// Which of the two states of a pair.
@@ -108,24 +115,46 @@ fn half_map(
 }
 
 /// From what the first layer made of a state, or of a pair, to the latent.
-fn after_first_layer(graph: &mut OnnxGraph, encoder: &CameraEncoder, map: &str) -> String {
-    let mut x = graph.node("Relu", &[map], &[]);
-    let mut places = None;
-    for (index, stage) in encoder.stages.iter().enumerate() {
-        let merged = merge(graph, &stage.merge, &x);
-        let merged = graph.node("Relu", &[&merged], &[]);
-        x = residual_block(graph, &stage.block, &merged);
-        if let Some(found) = encoder.keypoints.as_ref().filter(|_| index == 0) {
-            let (rows, columns) = (encoder.rows / 2, encoder.columns / 2);
-            places = Some(keypoints(graph, found, [rows, columns], &x));
-        }
-    }
+fn camera_latent(graph: &mut OnnxGraph, encoder: &CameraEncoder, seen: &str) -> String {
+    let (first, x) = after_first_layer(graph, &encoder.stages, seen);
+    let places = encoder.keypoints.as_ref().map(|found| {
+        let size = [encoder.rows / 2, encoder.columns / 2];
+        keypoints(graph, found, size, &first)
+    });
     let flat = graph.node("Flatten", &[&x], &[Attribute::Int("axis", 1)]);
     let latent = latent(graph, encoder, &flat);
     match places {
         Some(places) => graph.node("Add", &[&latent, &places], &[]),
         None => latent,
     }
+}
+
+/// The maps after the first stage and after the last, `[n, channels, rows, columns]`.
+pub fn feature_maps(
+    graph: &mut OnnxGraph,
+    first_layer: &Dense,
+    stages: &[Stage],
+    grid: &PatchGrid,
+    input: &str,
+) -> (String, String) {
+    let (weight, bias) = (first_layer.weight.val(), first_layer.bias.val());
+    let seen = stem(graph, weight, Some(bias), grid, input);
+    after_first_layer(graph, stages, &seen)
+}
+
+/// The same from what the first layer made of a state, or of a pair.
+fn after_first_layer(graph: &mut OnnxGraph, stages: &[Stage], seen: &str) -> (String, String) {
+    let mut x = graph.node("Relu", &[seen], &[]);
+    let mut first = x.clone();
+    for (index, stage) in stages.iter().enumerate() {
+        let merged = merge(graph, &stage.merge, &x);
+        let merged = graph.node("Relu", &[&merged], &[]);
+        x = residual_block(graph, &stage.block, &merged);
+        if index == 0 {
+            first.clone_from(&x);
+        }
+    }
+    (first, x)
 }
 
 /// Softmax over the cells of a map, and the mean place under it.
@@ -204,7 +233,8 @@ fn residual_block(graph: &mut OnnxGraph, block: &ResidualBlock, input: &str) -> 
     graph.node("Relu", &[&sum], &[])
 }
 
-fn convolution(
+/// A convolution with square strides and the same padding on all sides.
+pub fn convolution(
     graph: &mut OnnxGraph,
     filters: Tensor<4>,
     bias: Tensor<1>,
@@ -241,7 +271,8 @@ fn latent(graph: &mut OnnxGraph, encoder: &CameraEncoder, flat: &str) -> String 
     graph.node("Gemm", &[flat, &weight, &bias], &[])
 }
 
-fn dense(graph: &mut OnnxGraph, dense: &Dense, input: &str) -> String {
+/// `[n, in]` to `[n, out]`.
+pub fn dense(graph: &mut OnnxGraph, dense: &Dense, input: &str) -> String {
     let shape = dense.weight.val().dims();
     let weight = graph.constant(&shape, &values(dense.weight.val()));
     let bias = graph.constant(&[shape[1]], &values(dense.bias.val()));
@@ -332,7 +363,7 @@ fn score(
         let channels = len / (encoder.rows * encoder.columns);
         let shape = graph.shape(&[0, channels, encoder.rows, encoder.columns]);
         let map = graph.node("Reshape", &[&map, &shape], &[]);
-        latents.push(after_first_layer(graph, encoder, &map));
+        latents.push(camera_latent(graph, encoder, &map));
     }
     let latent = concat(graph, &latents);
     let shape = head.from.val().dims();

@@ -4,7 +4,7 @@ use burn::tensor::activation::relu;
 
 use super::{Dense, Initialiser, Keypoints, StandardisedConvolution};
 use crate::training::patches::PatchGrid;
-use crate::training::{NetworkConfig, NetworkVariant};
+use crate::training::{EncoderConfig, NetworkVariant};
 
 /// Variance of a residual branch's last weights at the start, so that a block begins close to passing
 /// its input on.
@@ -57,21 +57,17 @@ pub struct ResidualBlock {
 
 impl CameraEncoder {
     /// An encoder with random weights.
-    pub fn new(grid: &PatchGrid, network: &NetworkConfig, init: &mut Initialiser) -> Self {
-        let config = &network.encoder;
-        let joins = network.variant.joins_pixels();
+    pub fn new(
+        grid: &PatchGrid,
+        config: &EncoderConfig,
+        variant: NetworkVariant,
+        init: &mut Initialiser,
+    ) -> Self {
+        let joins = variant.joins_pixels();
         // Two halves share the variance that one layer over both would have.
         let gain = if joins { 1.0 } else { 2.0 };
         let stem = Dense::new(grid.patch_len(), config.stem_channels, gain, init);
-        let mut channels = config.stem_channels;
-        let mut stages = Vec::new();
-        for wider in &config.stage_channels {
-            stages.push(Stage {
-                merge: Dense::new(4 * channels, *wider, 2.0, init),
-                block: ResidualBlock::new(*wider, init),
-            });
-            channels = *wider;
-        }
+        let (stages, channels) = Stage::all(config, init);
         let cells = grid.positions() >> (2 * stages.len());
         let latent = Dense::new(cells * channels, config.latent_dim, 1.0, init);
         let first = config
@@ -90,7 +86,7 @@ impl CameraEncoder {
             rows: grid.rows(),
             columns: grid.columns(),
             joined: joins.then(|| init.normal(shape, deviation)),
-            sees_difference: network.variant == NetworkVariant::PixelDifference,
+            sees_difference: variant == NetworkVariant::PixelDifference,
         }
     }
 
@@ -148,31 +144,21 @@ impl CameraEncoder {
         let map = map
             .reshape([n, channels, self.rows, self.columns])
             .permute([0, 2, 3, 1]);
-        self.after_first_layer(map, masks)
+        self.latent_of(after_first_layer(&self.stages, map, masks))
     }
 
     /// Patches `[n, positions, patch_len]` to latents `[n, latent_dim]`. A mask of a block is 0 for
     /// the states that skip it.
     #[must_use]
     pub fn forward(&self, patches: Tensor<3>, masks: Option<&[Tensor<4>]>) -> Tensor<2> {
-        let [n, positions, patch_len] = patches.dims();
-        let stem = self
-            .stem
-            .forward(patches.reshape([n * positions, patch_len]));
-        let channels = stem.dims()[1];
-        let map = relu(stem).reshape([n, self.rows, self.columns, channels]);
-        self.after_first_layer(map, masks)
+        let size = [self.rows, self.columns];
+        let maps = feature_maps(&self.stem, &self.stages, size, patches, masks);
+        self.latent_of(maps)
     }
 
-    fn after_first_layer(&self, mut x: Tensor<4>, masks: Option<&[Tensor<4>]>) -> Tensor<2> {
-        let mut places = None;
-        for (index, stage) in self.stages.iter().enumerate() {
-            x = stage.merge(x);
-            x = stage.block.forward(x, masks.map(|m| m[index].clone()));
-            if let Some(keypoints) = self.keypoints.as_ref().filter(|_| index == 0) {
-                places = Some(keypoints.forward(x.clone()));
-            }
-        }
+    /// The latent of the maps after the first stage and after the last.
+    fn latent_of(&self, (first, x): (Tensor<4>, Tensor<4>)) -> Tensor<2> {
+        let places = self.keypoints.as_ref().map(|k| k.forward(first));
         let [n, rows, columns, channels] = x.dims();
         let latent = self
             .latent
@@ -184,7 +170,54 @@ impl CameraEncoder {
     }
 }
 
+/// The maps after the first stage and after the last, `[n, rows, columns, channels]` each, from patches
+/// `[n, positions, patch_len]` of `size` rows and columns; without stages both are the first layer's.
+#[must_use]
+pub fn feature_maps(
+    stem: &Dense,
+    stages: &[Stage],
+    [rows, columns]: [usize; 2],
+    patches: Tensor<3>,
+    masks: Option<&[Tensor<4>]>,
+) -> (Tensor<4>, Tensor<4>) {
+    let [n, positions, patch_len] = patches.dims();
+    let seen = stem.forward(patches.reshape([n * positions, patch_len]));
+    let channels = seen.dims()[1];
+    let map = relu(seen).reshape([n, rows, columns, channels]);
+    after_first_layer(stages, map, masks)
+}
+
+fn after_first_layer(
+    stages: &[Stage],
+    mut x: Tensor<4>,
+    masks: Option<&[Tensor<4>]>,
+) -> (Tensor<4>, Tensor<4>) {
+    let mut first = x.clone();
+    for (index, stage) in stages.iter().enumerate() {
+        x = stage.merge(x);
+        x = stage.block.forward(x, masks.map(|m| m[index].clone()));
+        if index == 0 {
+            first = x.clone();
+        }
+    }
+    (first, x)
+}
+
 impl Stage {
+    /// The stages of a configuration with random weights, and the channels of the last one's map.
+    pub fn all(config: &EncoderConfig, init: &mut Initialiser) -> (Vec<Self>, usize) {
+        let mut channels = config.stem_channels;
+        let mut stages = Vec::new();
+        for wider in &config.stage_channels {
+            stages.push(Self {
+                merge: Dense::new(4 * channels, *wider, 2.0, init),
+                block: ResidualBlock::new(*wider, init),
+            });
+            channels = *wider;
+        }
+        (stages, channels)
+    }
+
     fn merge(&self, x: Tensor<4>) -> Tensor<4> {
         let [n, rows, columns, channels] = x.dims();
         let (rows, columns) = (rows / 2, columns / 2);
