@@ -86,6 +86,14 @@ pub enum InferenceError {
         /// What the network has.
         found: String,
     },
+    /// The file of a frozen encoder, or the one beside it, cannot be read.
+    #[error("cannot read {path}: {reason}; name the ONNX file of a visual encoder")]
+    FrozenEncoderUnreadable {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        reason: String,
+    },
     /// A frozen encoder is not what a baseline can be trained on.
     #[error(
         "the frozen encoder {path}: {what} should be {expected}, but is {found}; export it with one input \

@@ -1,9 +1,8 @@
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Deserialize;
 
-use super::model::read;
 use super::network::{Network, Tensor, in_batches};
 use super::pixels::planes;
 use super::{Engine, EngineChoice, InferenceError};
@@ -43,7 +42,7 @@ impl FrozenEncoder {
     /// Loads the network, checks that it is one of pictures to features, and runs it once.
     ///
     /// # Errors
-    /// [`InferenceError::FileUnreadable`], [`InferenceError::PicturesMalformed`] for the file beside it,
+    /// [`InferenceError::FrozenEncoderUnreadable`], [`InferenceError::PicturesMalformed`] for the file beside it,
     /// [`InferenceError::FrozenEncoderMisfit`] when its inputs and outputs are others,
     /// [`InferenceError::EngineFailed`] when the engine refuses it, and the errors of [`Engine::select`].
     pub fn load(path: &Path, choice: EngineChoice) -> Result<Self, InferenceError> {
@@ -233,7 +232,7 @@ fn measured_dim(
     let features =
         run(network, pictures, &pixels).map_err(|error| InferenceError::EngineFailed {
             engine: engine.description().to_owned(),
-            place: PathBuf::from(path).display().to_string(),
+            place: path.display().to_string(),
             reason: error.to_string(),
         })?;
     if features.is_empty() {
@@ -245,6 +244,13 @@ fn measured_dim(
         });
     }
     Ok(features.len())
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, InferenceError> {
+    std::fs::read(path).map_err(|e| InferenceError::FrozenEncoderUnreadable {
+        path: path.to_path_buf(),
+        reason: e.to_string(),
+    })
 }
 
 fn run(

@@ -13,6 +13,7 @@ use crate::trajectory::{Action, ActionSpace, Observation, State};
 ///
 /// It has the help that our closed loop has and needs no graph for: an action after which nothing moved is not
 /// tried again until something does ([`RolloutOptions::still_levels`], [`RolloutOptions::least_substitute`]).
+/// `terminate` is such an action: choosing it ends nothing, as in our loop.
 pub struct ReactiveRollout<'a> {
     policy: &'a (dyn ReactivePolicy + Sync),
     goal: Vec<f32>,

@@ -125,3 +125,60 @@ impl HeldOut {
         logits.select(0, indices(&last, &device))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::BaselineMethod;
+    use crate::training::baseline::TrainedBaseline;
+    use crate::training::{Preset, synthetic};
+    use crate::trajectory::State;
+
+    #[test]
+    fn held_out_windows_are_those_that_a_robot_would_see() {
+        let sets = ["a", "b"].map(|task| synthetic::demonstrations(task, 3, 7, 5));
+        let data = Dataset::new(&sets).unwrap();
+        let (training, held_out) = ([0, 1, 3, 4], [2, 5]);
+        for method in [BaselineMethod::BcRnn, BaselineMethod::Rt1] {
+            let config = BaselineConfig {
+                history: 3,
+                ..BaselineConfig::of(method, Preset::Tiny)
+            };
+            let trained = TrainedBaseline::untrained(&data, &config, None).unwrap();
+            let normalisation = trained.normalisation.clone();
+            let source = Source::pictures(&trained.spec, &config, normalisation);
+            let validation = HeldOut::new(&data, &training, &held_out, &config).unwrap();
+            let device = Device::flex();
+            let found = validation.evaluate(&trained.network, &data, &source, &config, &device);
+
+            // States of trajectory 2, of trajectory 5, then the ends of trajectories 0 and 3.
+            let at = |trajectory, step| StateRef { trajectory, step };
+            let mut all: Vec<StateRef> = data.states_of(&held_out).collect();
+            all.extend([at(0, 6), at(3, 6)]);
+            let states: Vec<State> = all.iter().map(|at| data.state(*at, 2)).collect();
+            let windows: Vec<(Vec<usize>, usize)> = (0..14)
+                .map(|end: usize| {
+                    let first = end / 7 * 7;
+                    let window = (0..3).rev().map(|b| end.saturating_sub(b).max(first));
+                    (window.collect(), 14 + end / 7)
+                })
+                .collect();
+            let outputs = trained.reference_outputs(&states, &windows, None).unwrap();
+            let (mut loss, mut right) = (0.0, 0);
+            for (state, window) in all[..14].iter().zip(0..14) {
+                let class = data.classes(*state)[0];
+                let logits = outputs.logits.row(window);
+                loss += cross_entropy(logits, class, 1.0) / 14.0;
+                right += usize::from(largest(logits) == class);
+            }
+            assert!(
+                (found.loss - loss).abs() < 1e-5,
+                "{method}: {found:?} {loss}"
+            );
+            assert!(
+                (found.accuracy - right as f64 / 14.0).abs() < 1e-9,
+                "{method}"
+            );
+        }
+    }
+}
