@@ -1,7 +1,8 @@
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-use super::AugmentationConfig;
+use super::{AugmentationConfig, TrainingError};
+use crate::trajectory::ActionSpace;
 
 /// How the frames of one camera are varied: moved by whole pixels and multiplied per channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,6 +13,8 @@ pub struct Variation {
     pub right_pixels: i32,
     /// Factor of each colour channel.
     pub gain: [f32; 3],
+    /// Whether left and right change places.
+    pub is_mirrored: bool,
 }
 
 impl Variation {
@@ -20,6 +23,7 @@ impl Variation {
         down_pixels: 0,
         right_pixels: 0,
         gain: [1.0; 3],
+        is_mirrored: false,
     };
 
     /// Draws a variation.
@@ -32,8 +36,53 @@ impl Variation {
             down_pixels: rng.random_range(-reach..=reach),
             right_pixels: rng.random_range(-reach..=reach),
             gain,
+            is_mirrored: false,
         }
     }
+}
+
+/// A batch in which left and right change places: in all its pictures, and in its actions.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mirror {
+    /// For each class of the actions' head, the one on the other side.
+    classes: Vec<usize>,
+}
+
+impl Mirror {
+    /// Whether this batch is mirrored. Nothing is drawn where no batch ever is.
+    ///
+    /// # Panics
+    /// If batches are to be mirrored and the actions have no other side, which a training refuses.
+    pub fn draw(
+        config: &AugmentationConfig,
+        space: &ActionSpace,
+        rng: &mut ChaCha8Rng,
+    ) -> Option<Self> {
+        (config.mirror_share > 0.0 && rng.random_bool(config.mirror_share)).then(|| Self {
+            classes: space.mirrored().expect("checked before the training"),
+        })
+    }
+
+    /// Mirrors the classes of the one head.
+    pub fn change(&self, classes: &mut [Vec<i32>]) {
+        for class in classes.iter_mut().flatten() {
+            *class = self.classes[*class as usize] as i32;
+        }
+    }
+}
+
+/// Refuses a configuration that mirrors what has no other side.
+///
+/// # Errors
+/// [`TrainingError::NotMirrored`].
+pub fn check_mirror(config: &AugmentationConfig, space: &ActionSpace) -> Result<(), TrainingError> {
+    if config.mirror_share > 0.0 && space.mirrored().is_none() {
+        return Err(TrainingError::NotMirrored {
+            share: config.mirror_share,
+            space: space.to_string(),
+        });
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -48,6 +97,7 @@ mod tests {
             shift_pixels: 0,
             brightness: 0.0,
             tint: 0.0,
+            mirror_share: 0.0,
         };
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         assert_eq!(Variation::draw(&still, &mut rng), Variation::NONE);
@@ -62,5 +112,30 @@ mod tests {
             assert!(v.down_pixels.abs() <= 4 && v.right_pixels.abs() <= 4);
             assert!(v.gain.iter().all(|g| (0.75..1.27).contains(g)));
         }
+    }
+
+    #[test]
+    fn as_many_batches_are_mirrored_as_are_to_be_and_none_costs_no_draw() {
+        let space = ActionSpace::Primitives {
+            names: ["turn_left", "up", "turn_right"].map(String::from).to_vec(),
+        };
+        let mut config = AugmentationConfig::default();
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let before = rng.clone();
+        assert_eq!(Mirror::draw(&config, &space, &mut rng), None);
+        assert_eq!(rng, before);
+        config.mirror_share = 0.4;
+        let drawn = (0..1_000).filter_map(|_| Mirror::draw(&config, &space, &mut rng));
+        let mirrors: Vec<Mirror> = drawn.collect();
+        assert!((350..450).contains(&mirrors.len()), "{}", mirrors.len());
+        let mut classes = vec![vec![0, 1, 2]];
+        mirrors[0].change(&mut classes);
+        assert_eq!(classes, [[2, 1, 0]]);
+        let one_sided = ActionSpace::Primitives {
+            names: vec!["left".to_owned()],
+        };
+        let message = check_mirror(&config, &one_sided).unwrap_err().to_string();
+        assert!(message.contains("mirror_share"), "{message}");
+        check_mirror(&config, &space).unwrap();
     }
 }

@@ -3,7 +3,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 
-use super::augmentation::Variation;
+use super::augmentation::{Mirror, Variation};
 use super::loss::Targets;
 use super::masks::{MaskSizes, MaskValues};
 use super::patches::PatchGrid;
@@ -116,8 +116,16 @@ impl Batcher<'_> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.config.seed);
         rng.set_stream(step + 1);
         let draw = self.sampler.draw(&mut rng);
-        let variations = self.variations(&draw, &mut rng);
+        let augmentation = &self.config.augmentation;
+        let mirror = Mirror::draw(augmentation, self.data.action_space(), &mut rng);
+        let mut variations = self.variations(&draw, &mut rng);
         let mut targets = Targets::of(&draw, self.data, self.config);
+        if let Some(mirror) = mirror {
+            mirror.change(&mut targets.policy.classes);
+            for variation in variations.iter_mut().flatten() {
+                variation.is_mirrored = true;
+            }
+        }
         let network = &self.config.network;
         let joins_pixels = network.variant.joins_pixels();
         if joins_pixels {

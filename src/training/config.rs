@@ -135,6 +135,11 @@ pub struct AugmentationConfig {
     pub brightness: f32,
     /// Largest relative change of each colour channel.
     pub tint: f32,
+    /// Share of the batches in which left and right change places: in all pictures and in the actions. For
+    /// robots whose cameras and gripper look the same from either side, and whose actions are primitives
+    /// with `left` and `right` in their names. What a demonstration shows of one side is then learnt of the
+    /// other too.
+    pub mirror_share: f64,
 }
 
 /// How weights are changed.
@@ -227,6 +232,7 @@ impl Default for AugmentationConfig {
             shift_pixels: 4,
             brightness: 0.2,
             tint: 0.05,
+            mirror_share: 0.0,
         }
     }
 }
@@ -314,6 +320,7 @@ impl TrainingConfig {
                 sampling.aligned_policy_share,
             ),
             ("sampling.missed_grasp_share", sampling.missed_grasp_share),
+            ("augmentation.mirror_share", self.augmentation.mirror_share),
             ("optimiser.average_decay", self.optimiser.average_decay),
         ] {
             demand(

@@ -47,6 +47,17 @@ pub enum TrainingError {
         /// The cameras of the demonstrations, printed.
         present: String,
     },
+    /// Batches are to be mirrored, but not the actions.
+    #[error(
+        "augmentation.mirror_share is {share}, but {space} have no other side: each primitive with `left` in its \
+         name needs one with `right`; set mirror_share to 0"
+    )]
+    NotMirrored {
+        /// The share of batches.
+        share: f64,
+        /// The actions, printed.
+        space: String,
+    },
     /// Two sets have different action spaces.
     #[error(
         "set '{set}' has {found}, set '{first_set}' has {expected}; one model needs one action space"

@@ -111,6 +111,13 @@ impl PatchGrid {
         let source = clamp(y, variation.down_pixels, self.height) * self.width;
         let rgb = &image.rgb()[source * 3..(source + self.width) * 3];
         let moved = variation.right_pixels;
+        if variation.is_mirrored {
+            for (x, value) in row.iter_mut().enumerate() {
+                let from = self.width - 1 - clamp(x, moved, self.width);
+                *value = table[usize::from(rgb[from * 3 + channel])];
+            }
+            return;
+        }
         if moved == 0 {
             for (value, pixel) in row.iter_mut().zip(rgb.chunks_exact(3)) {
                 *value = table[usize::from(pixel[channel])];
@@ -218,5 +225,20 @@ mod tests {
             ..Variation::NONE
         });
         assert_eq!(out[..9], [0., 0., 0., 5., 6., 7., 9., 10., 11.]);
+    }
+
+    #[test]
+    fn a_mirrored_picture_shows_its_right_side_first() {
+        let out = cut(&Variation {
+            is_mirrored: true,
+            ..Variation::NONE
+        });
+        assert_eq!(out[..9], [0., 0., 0., 4., 3., 2., 8., 7., 6.]);
+        let out = cut(&Variation {
+            is_mirrored: true,
+            right_pixels: 1,
+            ..Variation::NONE
+        });
+        assert_eq!(out[..9], [0., 0., 0., 4., 4., 3., 8., 8., 7.]);
     }
 }

@@ -61,6 +61,7 @@ fn bedroom() -> TrainingConfig {
     config.sampling.missed_grasp_share = 0.08;
     config.imitation.missed_grasp_steps = 6;
     config.imitation.lead_steps = 6;
+    config.augmentation.mirror_share = 0.4;
     config
 }
 

@@ -6,6 +6,7 @@ use burn::grad_clipping::GradientClippingConfig;
 use burn::optim::{AdamWConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::{Bytes, Device};
 
+use super::augmentation::check_mirror;
 use super::batch::{Batcher, Pictures, StepInput};
 use super::budget::Budget;
 use super::checkpoint::{BestSoFar, Checkpoint, TrainingState};
@@ -102,6 +103,7 @@ impl<'a> Run<'a> {
         run_folder: &'a Path,
         device: &Device,
     ) -> Result<Self, TrainingError> {
+        check_mirror(&config.augmentation, data.action_space())?;
         let split = data.split(config.validation_share, config.seed);
         let batches = Sampler::new(
             data,

@@ -55,6 +55,15 @@ fn opposite_word(word: &str) -> &str {
     PAIRS.iter().find_map(other).unwrap_or(word)
 }
 
+/// The word for the same on the other side; the word itself where it says no side.
+fn other_side(word: &str) -> &str {
+    match word {
+        "left" => "right",
+        "right" => "left",
+        word => word,
+    }
+}
+
 impl ActionSpace {
     /// For each primitive the one that undoes it, by its name: `up` and `down`, `left` and `right`,
     /// `forward` and `backward`, as one of the words that `_` joins. Empty for continuous actions.
@@ -69,6 +78,22 @@ impl ActionSpace {
             names.iter().position(|n| *n == other && n != name)
         };
         names.iter().map(opposite).collect()
+    }
+
+    /// For each primitive the one that does the same on the other side, by its name: `left` and `right` as one
+    /// of the words that `_` joins; a primitive without these words is its own. None for continuous actions, and
+    /// where one of the two sides is missing.
+    #[must_use]
+    pub fn mirrored(&self) -> Option<Vec<usize>> {
+        let Self::Primitives { names } = self else {
+            return None;
+        };
+        let mirrored = |name: &String| {
+            let words: Vec<&str> = name.split('_').map(other_side).collect();
+            let other = words.join("_");
+            names.iter().position(|n| *n == other)
+        };
+        names.iter().map(mirrored).collect()
     }
 
     /// For each primitive of another part the one of the base that moves the hand the same way, by its name:

@@ -4,7 +4,7 @@ use rand_chacha::rand_core::SeedableRng;
 use super::BaselineConfig;
 use super::sampler::{WindowDraw, WindowSampler};
 use super::source::{Inputs, Source};
-use crate::training::augmentation::Variation;
+use crate::training::augmentation::{Mirror, Variation};
 use crate::training::{Dataset, StateRef};
 
 /// Everything that a step needs, as plain values.
@@ -43,9 +43,17 @@ impl WindowBatcher<'_> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.config.seed);
         rng.set_stream(step + 1);
         let draw = self.sampler.draw(self.data, &mut rng);
-        let variations = self.variations(&draw, &mut rng);
+        let augmentation = &self.config.augmentation;
+        let mirror = Mirror::draw(augmentation, self.data.action_space(), &mut rng);
+        let mut variations = self.variations(&draw, &mut rng);
         let stack = self.config.stack;
-        let (scored, classes) = self.targets(&draw);
+        let (scored, mut classes) = self.targets(&draw);
+        if let Some(mirror) = mirror {
+            mirror.change(&mut classes);
+            for variation in variations.iter_mut().flatten() {
+                variation.is_mirrored = true;
+            }
+        }
         let numbers = |rows: &[usize]| rows.iter().map(|row| *row as i32).collect();
         BatchInput {
             states: draw.states.len(),

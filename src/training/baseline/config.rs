@@ -130,7 +130,15 @@ impl BaselineConfig {
                 TransformerConfig::default()
             },
             imitation: ours.imitation,
-            augmentation: ours.augmentation,
+            augmentation: AugmentationConfig {
+                // Features of pictures as they are know nothing of mirrored ones.
+                mirror_share: if method == BaselineMethod::Mvp {
+                    0.0
+                } else {
+                    ours.augmentation.mirror_share
+                },
+                ..ours.augmentation
+            },
             optimiser: ours.optimiser,
         }
     }
@@ -155,6 +163,12 @@ impl BaselineConfig {
             "a frozen encoder sees one picture: it must be 1",
         )?;
         demand(
+            self.augmentation.mirror_share == 0.0 || self.method != BaselineMethod::Mvp,
+            "augmentation.mirror_share",
+            self.augmentation.mirror_share,
+            "the features of a frozen encoder are those of the pictures as they are: it must be 0",
+        )?;
+        demand(
             self.validation_share > 0.0 && self.validation_share < 1.0,
             "validation_share",
             self.validation_share,
@@ -177,6 +191,7 @@ impl BaselineConfig {
         for (field, value) in [
             ("dropout", self.dropout),
             ("encoder.stochastic_depth", self.encoder.stochastic_depth),
+            ("augmentation.mirror_share", self.augmentation.mirror_share),
             ("optimiser.average_decay", self.optimiser.average_decay),
         ] {
             demand(

@@ -18,6 +18,7 @@ use super::trained::{BaselineState, BestBaseline, check_frozen, network_of};
 use super::validation::HeldOut;
 use super::{BaselineConfig, BaselineNetwork, TrainedBaseline};
 use crate::model::{BaselineValidation, FeatureEncoder};
+use crate::training::augmentation::check_mirror;
 use crate::training::budget::Budget;
 use crate::training::checkpoint::Checkpoint;
 use crate::training::history::LossTable;
@@ -122,6 +123,7 @@ impl<'a> Run<'a> {
         folder: &'a Path,
         device: &Device,
     ) -> Result<Self, TrainingError> {
+        check_mirror(&config.augmentation, data.action_space())?;
         let split = data.split(config.validation_share, config.seed);
         let sampler = WindowSampler::new(data, &split.training, config)?;
         let held_out = HeldOut::new(data, &split.training, &split.validation, config)?;
