@@ -37,6 +37,7 @@ mod schemas;
 mod steps;
 mod tables;
 mod topic;
+mod values;
 mod view;
 
 pub use build_folder::BuildFolder;
@@ -53,4 +54,5 @@ pub use recording::{Recording, inspect, read_trajectory};
 pub use recordings::Recordings;
 pub use replace::write_file;
 pub use report::{ActionReport, CameraReport, Loss, RecordingReport, TopicReport};
+pub use values::read_values;
 pub use view::{ImageSize, ReadOptions};

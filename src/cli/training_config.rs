@@ -13,7 +13,7 @@ use super::arguments::TrainArguments;
 use super::error::CliError;
 use super::revision::revision;
 use crate::model::BaselineMethod;
-use crate::storage::write_file;
+use crate::storage::{read_values, write_file};
 use crate::training::{BaselineConfig, NetworkVariant, Preset, TrainingConfig, training_device};
 use crate::trajectory::DemonstrationSet;
 
@@ -88,7 +88,10 @@ fn overridden<C: Serialize + DeserializeOwned>(config: &C, file: &Path) -> Resul
         reason,
     };
     let text = fs::read_to_string(file).map_err(|e| failed(e.to_string()))?;
-    let values: Value = serde_yaml::from_str(&text).map_err(|e| failed(e.to_string()))?;
+    let values = read_values(&text).map_err(failed)?;
+    if !values.is_object() {
+        return Err(failed("it holds no names with values".to_owned()));
+    }
     let mut whole = serde_json::to_value(config)?;
     put(&mut whole, values);
     serde_json::from_value(whole).map_err(|e| failed(e.to_string()))

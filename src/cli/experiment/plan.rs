@@ -36,6 +36,9 @@ const EPISODES: usize = 100;
 const QUICK_STEPS: u64 = 200;
 const QUICK_EPISODES: usize = 4;
 const QUICK_DEMONSTRATIONS: usize = 10;
+/// The same where each pair of states costs an encoding.
+const QUICK_COSTLY_EPISODES: usize = 1;
+const QUICK_COSTLY_DEMONSTRATIONS: usize = 3;
 
 impl Size {
     /// What is asked for; `demonstrations` and `seeds` are those of the paper.
@@ -71,6 +74,18 @@ impl Size {
         } else {
             self.baseline_steps
         }
+    }
+
+    /// The same for an experiment that runs networks for which each pair of states costs an encoding.
+    pub(super) fn of_costly_networks(arguments: &PaperArguments, demonstrations: &[usize]) -> Self {
+        let mut size = Self::new(arguments, demonstrations, 1);
+        if arguments.quick && arguments.demonstrations.is_empty() {
+            size.demonstrations = vec![QUICK_COSTLY_DEMONSTRATIONS];
+        }
+        if arguments.quick {
+            size.episodes = arguments.episodes.unwrap_or(QUICK_COSTLY_EPISODES);
+        }
+        size
     }
 
     /// What `catena train` is told of a method's training, beside what goes in and where it goes out.

@@ -1,0 +1,23 @@
+use serde_json::Value;
+
+/// The values of a YAML or JSON text, as a tree.
+///
+/// # Errors
+/// What is wrong with the text, with its line and column.
+pub fn read_values(text: &str) -> Result<Value, String> {
+    serde_yaml::from_str(text).map_err(|error| error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn yaml_and_json_are_the_same_tree_and_faults_have_a_place() {
+        let yaml = read_values("a: {b: 0.5}\nc: [1, x]\n").unwrap();
+        let json = read_values(r#"{"a": {"b": 0.5}, "c": [1, "x"]}"#).unwrap();
+        assert_eq!(yaml, json);
+        let message = read_values("a: 1\nb: [").unwrap_err();
+        assert!(message.contains("line"), "{message}");
+    }
+}
