@@ -12,6 +12,7 @@ mod evaluate;
 mod experiment;
 mod gaps;
 mod graph;
+mod kept;
 mod loaded;
 mod localise;
 mod progress;

@@ -22,6 +22,7 @@ pub use manifest::{
     ENCODER_FILE, MANIFEST_FILE, MODEL_FORMAT_VERSION, ManifestError, ModelManifest, POLICY_FILE,
     PROJECTION_FILE, TRAVERSABILITY_FILE, TrainingRecord, ValidationMetrics, sha256_hex,
 };
+pub(crate) use manifest::{file_digests, indented_json};
 pub use policy::{ActionDistribution, LocalPolicy};
 pub use spec::ModelSpec;
 pub(crate) use temperature::best_temperature;

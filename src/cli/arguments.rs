@@ -1,7 +1,11 @@
+mod experiment;
+
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+
+pub use experiment::{ChainingArguments, ExperimentCommand, PaperArguments};
 
 use crate::storage::ImageSize;
 
@@ -18,18 +22,6 @@ pub struct Arguments {
     /// The folder that paths in tasks and compositions are relative to.
     #[arg(long, global = true, default_value = ".")]
     pub root: PathBuf,
-}
-
-impl Arguments {
-    /// Those of a command that is not given, for what only needs to know where tasks are and what runs
-    /// the networks.
-    #[must_use]
-    pub fn at(root: &Path, engine: EngineArgument) -> Self {
-        let mut arguments = Self::parse_from(["catena", "compose", "none"]);
-        root.clone_into(&mut arguments.root);
-        arguments.engine = engine;
-        arguments
-    }
 }
 
 /// The commands.
@@ -373,91 +365,6 @@ pub struct EvaluateArguments {
     /// model and graph. Its goal image is the end of the task's first demonstration.
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["planner", "nearest_states", "composition"])]
     pub policy: Option<PathBuf>,
-}
-
-/// `catena experiment ...`
-#[derive(Debug, Subcommand)]
-pub enum ExperimentCommand {
-    /// A chain of tasks with all that guards it, and with each guard switched off in turn.
-    Chaining(ChainingArguments),
-    /// The paper's Table I: success of our way and of the baselines after 10, 20 and 30 demonstrations.
-    Table1(PaperArguments),
-    /// The paper's Table II: time that a step of each method takes, with both engines.
-    Table2(PaperArguments),
-    /// The paper's Table III: success of the networks that ours is compared with, after 20 demonstrations.
-    Table3(PaperArguments),
-    /// The paper's Figure 5: losses of these networks on held-out demonstrations, three seeds.
-    Fig5(PaperArguments),
-    /// The paper's Figure 6: how sure our way and behaviour cloning are of the first action of `sock`.
-    Fig6(PaperArguments),
-}
-
-/// `catena experiment table1` and the others of the paper.
-#[derive(Clone, Debug, Args)]
-pub struct PaperArguments {
-    /// A small version, in under 20 minutes on 2 cores: fewer demonstrations, episodes and steps of
-    /// training. What it measures says little, and says so.
-    #[arg(long)]
-    pub quick: bool,
-    /// Only these methods, such as `ours,bc`; by default all.
-    #[arg(long, value_delimiter = ',')]
-    pub methods: Vec<String>,
-    /// Only these numbers of demonstrations of each task.
-    #[arg(long, value_delimiter = ',')]
-    pub demonstrations: Vec<usize>,
-    /// Episodes of each method and task.
-    #[arg(long)]
-    pub episodes: Option<usize>,
-    /// Seed of the first episode; the others follow one by one.
-    #[arg(long, default_value_t = 100)]
-    pub seed: u64,
-    /// Seed of the trainings, the first of several.
-    #[arg(long, default_value_t = 1)]
-    pub training_seed: u64,
-    /// Steps of training of our way and its variants.
-    #[arg(long)]
-    pub steps: Option<u64>,
-    /// Steps of training of the baselines at most; they stop earlier where nothing gets better.
-    #[arg(long)]
-    pub baseline_steps: Option<u64>,
-    /// Folder with recordings of each task (`DIR/sock` and so on), of which the first are taken; by default
-    /// they are recorded.
-    #[arg(long, value_name = "DIR")]
-    pub demos: Option<PathBuf>,
-    /// An image encoder in ONNX that somebody else trained, for the baseline `mvp`; without one it is left
-    /// out.
-    #[arg(long, value_name = "FILE")]
-    pub frozen_encoder: Option<PathBuf>,
-    /// Where recordings, models and graphs go, which are large.
-    #[arg(long, default_value = "out/experiments")]
-    pub work: PathBuf,
-    /// Where the cells, the table and the plot go; by default a folder of the experiment's name in
-    /// `results`, or in `out/quick` with `--quick`.
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-    /// Make the table and the plot of the cells that are there, measure nothing.
-    #[arg(long)]
-    pub only_draw: bool,
-}
-
-/// `catena experiment chaining`
-#[derive(Debug, Args)]
-pub struct ChainingArguments {
-    /// The composition's YAML file.
-    #[arg(default_value = "tasks/sequences/sock_then_trash.yaml")]
-    pub target: String,
-    /// Number of episodes of each method.
-    #[arg(long, default_value_t = 100)]
-    pub episodes: usize,
-    /// Seed of the first episode; the others follow one by one.
-    #[arg(long, default_value_t = 100)]
-    pub seed: u64,
-    /// How much the world varies.
-    #[arg(long, value_enum, default_value_t = LevelArgument::Paper)]
-    pub level: LevelArgument,
-    /// Where the cells, the table and the plot go.
-    #[arg(long, default_value = "results/chaining")]
-    pub out: PathBuf,
 }
 
 /// `catena serve`

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::Write;
 use std::path::Path;
 
 use serde::Serialize;
@@ -11,9 +10,10 @@ use serde_json::Value;
 
 use super::arguments::TrainArguments;
 use super::error::CliError;
+use super::kept::keep;
 use super::revision::revision;
 use crate::model::BaselineMethod;
-use crate::storage::{read_values, write_file};
+use crate::storage::read_values;
 use crate::training::{BaselineConfig, NetworkVariant, Preset, TrainingConfig, training_device};
 use crate::trajectory::DemonstrationSet;
 
@@ -138,13 +138,8 @@ pub(super) fn write_run(
         device: format!("{:?}", training_device()),
         demonstrations: digests,
     };
-    let write = |name: &str, mut json: Vec<u8>| {
-        json.push(b'\n');
-        write_file(&run_folder.join(name), |file| file.write_all(&json))
-    };
-    write(CONFIG, serde_json::to_vec_pretty(config)?)?;
-    write(RECORD, serde_json::to_vec_pretty(&record)?)?;
-    Ok(())
+    keep(&run_folder.join(CONFIG), config)?;
+    keep(&run_folder.join(RECORD), &record)
 }
 
 #[cfg(test)]

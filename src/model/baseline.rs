@@ -3,7 +3,9 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::manifest::{ManifestError, ManifestHead, sha256_hex, verify};
+use super::manifest::{
+    ManifestError, ManifestHead, file_digests, indented_json, sha256_hex, verify,
+};
 use super::{ActionDistribution, Latents, ModelError};
 use crate::trajectory::{ActionSpace, CameraSpec, State};
 
@@ -170,10 +172,7 @@ impl BaselineManifest {
             kind: BASELINE_KIND.to_owned(),
             format_version: BASELINE_FORMAT_VERSION,
             spec,
-            files: files
-                .iter()
-                .map(|(name, bytes)| ((*name).to_owned(), sha256_hex(bytes)))
-                .collect(),
+            files: file_digests(files),
             training,
         }
     }
@@ -202,9 +201,7 @@ impl BaselineManifest {
     /// Never: every field has a JSON form.
     #[must_use]
     pub fn to_json(&self) -> Vec<u8> {
-        let mut json = serde_json::to_vec_pretty(self).expect("a manifest has a JSON form");
-        json.push(b'\n');
-        json
+        indented_json(self).expect("a manifest has a JSON form")
     }
 
     /// Checks that the bytes of a file are those that the manifest was written with.

@@ -169,9 +169,7 @@ impl ModelManifest {
     /// Never: every field has a JSON form.
     #[must_use]
     pub fn to_json(&self) -> Vec<u8> {
-        let mut json = serde_json::to_vec_pretty(self).expect("a manifest has a JSON form");
-        json.push(b'\n');
-        json
+        indented_json(self).expect("a manifest has a JSON form")
     }
 
     /// Checks that the bytes of a file are those that the manifest was written with.
@@ -228,6 +226,24 @@ pub(super) fn verify(
         expected: expected.clone(),
         found,
     })
+}
+
+/// Indented JSON, with an end to its last line.
+///
+/// # Errors
+/// Where a value has no JSON form.
+pub(crate) fn indented_json(value: &impl Serialize) -> Result<Vec<u8>, serde_json::Error> {
+    let mut json = serde_json::to_vec_pretty(value)?;
+    json.push(b'\n');
+    Ok(json)
+}
+
+/// SHA-256 of files, by their names.
+pub(crate) fn file_digests(files: &[(&str, Vec<u8>)]) -> BTreeMap<String, String> {
+    files
+        .iter()
+        .map(|(name, bytes)| ((*name).to_owned(), sha256_hex(bytes)))
+        .collect()
 }
 
 /// SHA-256 in lower-case hexadecimal.

@@ -41,32 +41,53 @@ impl Variation {
     }
 }
 
-/// A batch in which left and right change places: in all its pictures, and in its actions.
+/// A variation for each state and camera, the same for all states of a group. `group_of` names the group of each
+/// state; groups are numbered from 0.
+pub fn vary(
+    config: &AugmentationConfig,
+    cameras: usize,
+    group_of: &[usize],
+    mirror: &Mirror,
+    rng: &mut ChaCha8Rng,
+) -> Vec<Vec<Variation>> {
+    let groups = group_of.iter().max().map_or(0, |group| group + 1);
+    let mut draw = || Variation {
+        is_mirrored: mirror.classes.is_some(),
+        ..Variation::draw(config, rng)
+    };
+    let each: Vec<Vec<Variation>> = (0..groups)
+        .map(|_| (0..cameras).map(|_| draw()).collect())
+        .collect();
+    group_of.iter().map(|group| each[*group].clone()).collect()
+}
+
+/// Whether left and right change places in a batch: in all its pictures, and in its actions.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mirror {
-    /// For each class of the actions' head, the one on the other side.
-    classes: Vec<usize>,
+    /// For each class of the actions' head, the one on the other side; none in a batch that is as it was.
+    classes: Option<Vec<usize>>,
 }
 
 impl Mirror {
-    /// Whether this batch is mirrored. Nothing is drawn where no batch ever is.
+    /// Draws for a batch. Nothing is drawn where no batch ever is mirrored.
     ///
     /// # Panics
     /// If batches are to be mirrored and the actions have no other side, which a training refuses.
-    pub fn draw(
-        config: &AugmentationConfig,
-        space: &ActionSpace,
-        rng: &mut ChaCha8Rng,
-    ) -> Option<Self> {
-        (config.mirror_share > 0.0 && rng.random_bool(config.mirror_share)).then(|| Self {
-            classes: space.mirrored().expect("checked before the training"),
-        })
+    pub fn draw(config: &AugmentationConfig, space: &ActionSpace, rng: &mut ChaCha8Rng) -> Self {
+        let is_mirrored = config.mirror_share > 0.0 && rng.random_bool(config.mirror_share);
+        let classes = || space.mirrored().expect("checked before the training");
+        Self {
+            classes: is_mirrored.then(classes),
+        }
     }
 
-    /// Mirrors the classes of the one head.
+    /// Mirrors the classes of the one head, if the batch is mirrored.
     pub fn change(&self, classes: &mut [Vec<i32>]) {
+        let Some(other_side) = &self.classes else {
+            return;
+        };
         for class in classes.iter_mut().flatten() {
-            *class = self.classes[*class as usize] as i32;
+            *class = other_side[*class as usize] as i32;
         }
     }
 }
@@ -122,11 +143,11 @@ mod tests {
         let mut config = AugmentationConfig::default();
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let before = rng.clone();
-        assert_eq!(Mirror::draw(&config, &space, &mut rng), None);
+        assert_eq!(Mirror::draw(&config, &space, &mut rng).classes, None);
         assert_eq!(rng, before);
         config.mirror_share = 0.4;
-        let drawn = (0..1_000).filter_map(|_| Mirror::draw(&config, &space, &mut rng));
-        let mirrors: Vec<Mirror> = drawn.collect();
+        let drawn = (0..1_000).map(|_| Mirror::draw(&config, &space, &mut rng));
+        let mirrors: Vec<Mirror> = drawn.filter(|mirror| mirror.classes.is_some()).collect();
         assert!((350..450).contains(&mirrors.len()), "{}", mirrors.len());
         let mut classes = vec![vec![0, 1, 2]];
         mirrors[0].change(&mut classes);

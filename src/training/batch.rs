@@ -3,13 +3,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 
-use super::augmentation::{Mirror, Variation};
+use super::augmentation::{Mirror, Variation, vary};
 use super::loss::Targets;
 use super::masks::{MaskSizes, MaskValues};
 use super::patches::PatchGrid;
-use super::sampler::{Draw, Sampler};
-use super::{ChannelNormalisation, Dataset, TrainingConfig};
-use crate::trajectory::{Image, State, TrajectoryError};
+use super::sampler::Sampler;
+use super::{ChannelNormalisation, Dataset, EncoderConfig, TrainingConfig};
+use crate::trajectory::{CameraSpec, Image, State, TrajectoryError};
 
 /// The pictures of a model's cameras: their names, grids and normalisation, in the order of the
 /// latents.
@@ -24,6 +24,20 @@ pub struct Pictures {
 }
 
 impl Pictures {
+    /// The pictures of some cameras, `stack` frames a state, as an encoder sees them.
+    pub fn new(
+        cameras: &[CameraSpec],
+        stack: usize,
+        encoder: &EncoderConfig,
+        normalisation: Vec<ChannelNormalisation>,
+    ) -> Self {
+        Self {
+            names: cameras.iter().map(|c| c.name.clone()).collect(),
+            grids: PatchGrid::of_cameras(cameras, stack, encoder),
+            normalisation,
+        }
+    }
+
     /// The patches of states for each camera, `[states, positions, patch_len]` row after row.
     ///
     /// # Errors
@@ -118,14 +132,11 @@ impl Batcher<'_> {
         let draw = self.sampler.draw(&mut rng);
         let augmentation = &self.config.augmentation;
         let mirror = Mirror::draw(augmentation, self.data.action_space(), &mut rng);
-        let mut variations = self.variations(&draw, &mut rng);
+        // Neighbours must differ by what the robot did and not by how their pictures were moved.
+        let cameras = self.pictures.names.len();
+        let variations = vary(augmentation, cameras, &draw.window_of, &mirror, &mut rng);
         let mut targets = Targets::of(&draw, self.data, self.config);
-        if let Some(mirror) = mirror {
-            mirror.change(&mut targets.policy.classes);
-            for variation in variations.iter_mut().flatten() {
-                variation.is_mirrored = true;
-            }
-        }
+        mirror.change(&mut targets.policy.classes);
         let network = &self.config.network;
         let joins_pixels = network.variant.joins_pixels();
         if joins_pixels {
@@ -166,19 +177,5 @@ impl Batcher<'_> {
             masks,
             targets,
         }
-    }
-
-    /// A variation for each state and camera, the same for all states of a window: neighbours must
-    /// differ by what the robot did and not by how their pictures were moved.
-    fn variations(&self, draw: &Draw, rng: &mut ChaCha8Rng) -> Vec<Vec<Variation>> {
-        let windows = draw.window_of.iter().max().map_or(0, |w| w + 1);
-        let each: Vec<Vec<Variation>> = (0..windows)
-            .map(|_| {
-                (0..self.pictures.names.len())
-                    .map(|_| Variation::draw(&self.config.augmentation, rng))
-                    .collect()
-            })
-            .collect();
-        draw.window_of.iter().map(|w| each[*w].clone()).collect()
     }
 }

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use super::course::Progress;
 use super::weights::NamedWeights;
 use super::{ChannelNormalisation, TrainingConfig, TrainingError};
 use crate::model::{ModelSpec, ValidationMetrics, sha256_hex};
@@ -37,16 +38,11 @@ pub struct Checkpoint<S = TrainingState> {
 /// Where a training is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainingState {
-    /// Steps done.
-    pub step: u64,
-    /// Seconds that they took.
-    pub spent_secs: f64,
-    /// Whether the training came to its end.
-    pub finished: bool,
+    /// How far it is.
+    #[serde(flatten)]
+    pub progress: Progress,
     /// The best weights so far.
     pub best: Option<BestSoFar>,
-    /// Validations since then.
-    pub validations_without_gain: u64,
     /// The configuration.
     pub config: TrainingConfig,
     /// What the model takes and gives.
@@ -83,6 +79,14 @@ impl<S: Serialize + DeserializeOwned> Checkpoint<S> {
         run_folder.join(FILE)
     }
 
+    /// Why a run's checkpoint is of no use.
+    pub fn unusable(run_folder: &Path, reason: String) -> TrainingError {
+        TrainingError::CheckpointUnusable {
+            path: Self::path(run_folder),
+            reason,
+        }
+    }
+
     /// Writes the checkpoint beside the old one and then takes its place.
     ///
     /// # Errors
@@ -112,7 +116,7 @@ impl<S: Serialize + DeserializeOwned> Checkpoint<S> {
         };
         Self::from_bytes(&bytes)
             .map(Some)
-            .map_err(|reason| TrainingError::CheckpointUnusable { path, reason })
+            .map_err(|reason| Self::unusable(run_folder, reason))
     }
 
     fn to_bytes(&self) -> Vec<u8> {
@@ -228,11 +232,12 @@ mod tests {
         let names = ["z.last", "a.first"];
         Checkpoint {
             state: TrainingState {
-                step: 7,
-                spent_secs: 1.5,
-                finished: false,
+                progress: Progress {
+                    step: 7,
+                    spent_secs: 1.5,
+                    ..Progress::default()
+                },
                 best: None,
-                validations_without_gain: 0,
                 config: TrainingConfig::default(),
                 spec: ModelSpec {
                     cameras: Vec::new(),

@@ -273,18 +273,8 @@ impl TrainingConfig {
             self.checkpoint_every_steps,
             "it must be 1 or more",
         )?;
-        demand(
-            self.validation_share > 0.0 && self.validation_share < 1.0,
-            "validation_share",
-            self.validation_share,
-            "it must lie between 0 and 1",
-        )?;
-        demand(
-            encoder.stem_stride > 0 && encoder.stem_kernel >= encoder.stem_stride,
-            "network.encoder.stem_kernel",
-            encoder.stem_kernel,
-            "it must be at least stem_stride, which must be 1 or more",
-        )?;
+        check_validation_share(self.validation_share)?;
+        encoder.check_stem("network.encoder.stem_kernel")?;
         demand(
             encoder.latent_dim > 0 && self.network.projection_width > 0,
             "network.encoder.latent_dim",
@@ -309,7 +299,7 @@ impl TrainingConfig {
             sampling.states,
             "a batch must hold two windows, or there is no far pair",
         )?;
-        for (field, value) in [
+        check_shares(&[
             ("network.dropout", self.network.dropout),
             ("network.encoder.stochastic_depth", encoder.stochastic_depth),
             ("sampling.look_alike_share", sampling.look_alike_share),
@@ -322,14 +312,7 @@ impl TrainingConfig {
             ("sampling.missed_grasp_share", sampling.missed_grasp_share),
             ("augmentation.mirror_share", self.augmentation.mirror_share),
             ("optimiser.average_decay", self.optimiser.average_decay),
-        ] {
-            demand(
-                (0.0..1.0).contains(&value),
-                field,
-                value,
-                "it must be at least 0 and below 1",
-            )?;
-        }
+        ])?;
         let share = sampling.missed_grasp_share;
         demand(
             share + sampling.hard_share.max(sampling.look_alike_share) < 1.0,
@@ -337,13 +320,67 @@ impl TrainingConfig {
             share,
             "with hard_share, and with look_alike_share, it must leave a share for the other pairs: below 1 in all",
         )?;
+        self.optimiser.check()
+    }
+}
+
+impl EncoderConfig {
+    /// Checks the patches of the first layer; `field` is what `stem_kernel` is called.
+    ///
+    /// # Errors
+    /// [`TrainingError::Config`].
+    pub(super) fn check_stem(&self, field: &'static str) -> Result<(), TrainingError> {
         demand(
-            self.optimiser.learning_rate > 0.0,
+            self.stem_stride > 0 && self.stem_kernel >= self.stem_stride,
+            field,
+            self.stem_kernel,
+            "it must be at least stem_stride, which must be 1 or more",
+        )
+    }
+}
+
+impl OptimiserConfig {
+    /// Checks the learning rate.
+    ///
+    /// # Errors
+    /// [`TrainingError::Config`].
+    pub(super) fn check(&self) -> Result<(), TrainingError> {
+        demand(
+            self.learning_rate > 0.0,
             "optimiser.learning_rate",
-            self.optimiser.learning_rate,
+            self.learning_rate,
             "it must be above 0",
         )
     }
+}
+
+/// Checks the share of demonstrations that is held out.
+///
+/// # Errors
+/// [`TrainingError::Config`].
+pub(super) fn check_validation_share(share: f64) -> Result<(), TrainingError> {
+    demand(
+        share > 0.0 && share < 1.0,
+        "validation_share",
+        share,
+        "it must lie between 0 and 1",
+    )
+}
+
+/// Checks probabilities and other shares that must leave something over, by the names of their fields.
+///
+/// # Errors
+/// [`TrainingError::Config`] with the first that does not.
+pub(super) fn check_shares(shares: &[(&'static str, f64)]) -> Result<(), TrainingError> {
+    for (field, value) in shares {
+        demand(
+            (0.0..1.0).contains(value),
+            field,
+            value,
+            "it must be at least 0 and below 1",
+        )?;
+    }
+    Ok(())
 }
 
 pub(super) fn demand(

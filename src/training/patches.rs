@@ -1,6 +1,6 @@
 use super::augmentation::Variation;
 use super::{ChannelNormalisation, EncoderConfig};
-use crate::trajectory::Image;
+use crate::trajectory::{CameraSpec, Image};
 
 /// How the pictures of one camera are cut into the overlapping square patches that the network's
 /// first layer sees. Cutting them here, straight from bytes, makes that layer one matrix product; in
@@ -32,6 +32,14 @@ impl PatchGrid {
             stride: encoder.stem_stride,
             multiple: 1 << encoder.stage_channels.len(),
         }
+    }
+
+    /// The grids of some cameras.
+    pub fn of_cameras(cameras: &[CameraSpec], stack: usize, encoder: &EncoderConfig) -> Vec<Self> {
+        cameras
+            .iter()
+            .map(|c| Self::new(c.height, c.width, stack, encoder))
+            .collect()
     }
 
     /// Rows of patches.
@@ -111,21 +119,18 @@ impl PatchGrid {
         let source = clamp(y, variation.down_pixels, self.height) * self.width;
         let rgb = &image.rgb()[source * 3..(source + self.width) * 3];
         let moved = variation.right_pixels;
-        if variation.is_mirrored {
-            for (x, value) in row.iter_mut().enumerate() {
-                let from = self.width - 1 - clamp(x, moved, self.width);
-                *value = table[usize::from(rgb[from * 3 + channel])];
-            }
-            return;
-        }
-        if moved == 0 {
+        if moved == 0 && !variation.is_mirrored {
             for (value, pixel) in row.iter_mut().zip(rgb.chunks_exact(3)) {
                 *value = table[usize::from(pixel[channel])];
             }
             return;
         }
         for (x, value) in row.iter_mut().enumerate() {
-            *value = table[usize::from(rgb[clamp(x, moved, self.width) * 3 + channel])];
+            let mut from = clamp(x, moved, self.width);
+            if variation.is_mirrored {
+                from = self.width - 1 - from;
+            }
+            *value = table[usize::from(rgb[from * 3 + channel])];
         }
     }
 

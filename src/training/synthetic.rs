@@ -7,6 +7,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
+use super::{TrainingEvent, TrainingObserver};
 use crate::trajectory::{
     Action, ActionSpace, DemonstrationSet, Image, Observation, Step, Trajectory,
 };
@@ -80,4 +81,41 @@ fn picture(height: u32, width: u32, ground: [u8; 3], at: (i32, i32)) -> Image {
         }
     }
     Image::new(height, width, rgb).expect("as many pixels as said")
+}
+
+/// Stops after some steps and counts events.
+#[derive(Default)]
+pub struct Counting {
+    pub steps: u64,
+    pub stop_after: Option<u64>,
+    pub first: f32,
+    pub last: f32,
+    pub validations: usize,
+}
+
+impl TrainingObserver for Counting {
+    fn notice(&mut self, event: &TrainingEvent) {
+        match event {
+            TrainingEvent::Step { losses, .. } => {
+                self.steps += 1;
+                self.last = losses.total;
+                if self.steps == 1 {
+                    self.first = losses.total;
+                }
+            }
+            TrainingEvent::Validated { .. } | TrainingEvent::BaselineValidated { .. } => {
+                self.validations += 1;
+            }
+            _ => {}
+        }
+    }
+
+    fn wants_stop(&mut self) -> bool {
+        self.stop_after.is_some_and(|s| self.steps >= s)
+    }
+}
+
+/// Two tasks.
+pub fn sets() -> [DemonstrationSet; 2] {
+    [demonstrations("a", 3, 12, 3), demonstrations("b", 3, 12, 4)]
 }

@@ -5,7 +5,7 @@ use burn::tensor::Device;
 use super::batch::Pictures;
 use super::checkpoint::{BestSoFar, Checkpoint};
 use super::patches::PatchGrid;
-use super::weights::{NamedWeights, assign, collect};
+use super::weights::{NamedWeights, assign, collect, weight_count};
 use super::{ChannelNormalisation, Dataset, LatentFlowNetwork, TrainingConfig, TrainingError};
 use crate::model::{ModelSpec, ValidationMetrics};
 
@@ -50,10 +50,7 @@ impl TrainedModel {
             &checkpoint.best,
         )
         .map(Some)
-        .map_err(|reason| TrainingError::CheckpointUnusable {
-            path: <Checkpoint>::path(run_folder),
-            reason,
-        })
+        .map_err(|reason| <Checkpoint>::unusable(run_folder, reason))
     }
 
     /// A model with random weights, as it is before the first step.
@@ -99,7 +96,7 @@ impl TrainedModel {
     /// Number of weights of the network.
     #[must_use]
     pub fn weight_count(&self) -> usize {
-        collect(&self.network).iter().map(|w| w.values.len()).sum()
+        weight_count(&collect(&self.network))
     }
 
     /// Values in each of a state's two projections.
@@ -136,11 +133,8 @@ pub(super) fn spec_of(data: &Dataset, config: &TrainingConfig) -> ModelSpec {
 }
 
 /// The cameras' patch grids.
-pub(super) fn grids_of(spec: &ModelSpec, config: &TrainingConfig) -> Vec<PatchGrid> {
-    spec.cameras
-        .iter()
-        .map(|c| PatchGrid::new(c.height, c.width, spec.stack, &config.network.encoder))
-        .collect()
+fn grids_of(spec: &ModelSpec, config: &TrainingConfig) -> Vec<PatchGrid> {
+    PatchGrid::of_cameras(&spec.cameras, spec.stack, &config.network.encoder)
 }
 
 /// The pictures of a model's cameras.
@@ -149,11 +143,8 @@ pub(super) fn pictures_of(
     config: &TrainingConfig,
     normalisation: Vec<ChannelNormalisation>,
 ) -> Pictures {
-    Pictures {
-        names: spec.cameras.iter().map(|c| c.name.clone()).collect(),
-        grids: grids_of(spec, config),
-        normalisation,
-    }
+    let encoder = &config.network.encoder;
+    Pictures::new(&spec.cameras, spec.stack, encoder, normalisation)
 }
 
 /// A network with the random weights of the configuration's seed.

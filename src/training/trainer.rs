@@ -1,30 +1,23 @@
 use std::path::Path;
-use std::sync::mpsc::{Receiver, sync_channel};
-use std::time::Instant;
 
-use burn::grad_clipping::GradientClippingConfig;
-use burn::optim::{AdamWConfig, GradientsParams, ModuleOptimizer};
-use burn::tensor::{Bytes, Device};
+use burn::tensor::Device;
 
 use super::augmentation::check_mirror;
 use super::batch::{Batcher, Pictures, StepInput};
-use super::budget::Budget;
 use super::checkpoint::{BestSoFar, Checkpoint, TrainingState};
+use super::course::{self, Course, Pace, Progress, Sizes};
 use super::evaluation::ValidationSet;
 use super::history::History;
+use super::learner::Learner;
 use super::objective::Objective;
 use super::sampler::Sampler;
-use super::schedule::learning_rate;
 use super::trained_model::{network_of, pictures_of, spec_of};
-use super::weights::{Average, NamedWeights, assign, collect};
 use super::{
-    ChannelNormalisation, Dataset, LatentFlowNetwork, OptimiserConfig, StepLosses, TrainedModel,
-    TrainingConfig, TrainingError, TrainingEvent, TrainingObserver, training_device,
+    ChannelNormalisation, Dataset, LatentFlowNetwork, StepLosses, TrainedModel, TrainingConfig,
+    TrainingError, TrainingEvent, TrainingObserver, training_device,
 };
+use crate::model::ValidationMetrics;
 use crate::trajectory::DemonstrationSet;
-
-/// Batches that are made ready while the network computes.
-const BATCHES_AHEAD: usize = 1;
 
 /// What came of a training.
 #[derive(Debug)]
@@ -88,10 +81,7 @@ struct Run<'a> {
     batches: Sampler,
     validation: ValidationSet,
     training_states: usize,
-    network: LatentFlowNetwork,
-    optimiser: ModuleOptimizer,
-    average: Average,
-    best: Vec<NamedWeights>,
+    learner: Learner<LatentFlowNetwork>,
     state: TrainingState,
     history: History,
 }
@@ -119,19 +109,15 @@ impl<'a> Run<'a> {
         let pictures = pictures_of(&spec, config, normalisation.clone());
         let network = network_of(&spec, config, &device);
         let state = TrainingState {
-            step: 0,
-            spent_secs: 0.0,
-            finished: false,
+            progress: Progress::default(),
             best: None,
-            validations_without_gain: 0,
             config: config.clone(),
             spec,
             normalisation,
             demonstrations: data.fingerprint(),
         };
-        let average = Average::new(config.optimiser.average_decay, collect(&network));
         let checkpoint = <Checkpoint>::load(run_folder)?;
-        let done = checkpoint.as_ref().map_or(0, |c| c.state.step);
+        let done = checkpoint.as_ref().map_or(0, |c| c.state.progress.step);
         let mut run = Self {
             data,
             folder: run_folder,
@@ -140,10 +126,7 @@ impl<'a> Run<'a> {
             batches,
             validation,
             training_states: data.states_of(&split.training).count(),
-            network,
-            optimiser: optimiser(&config.optimiser),
-            average,
-            best: Vec::new(),
+            learner: Learner::new(network, &config.optimiser),
             state,
             history: History::open(run_folder, done)?,
         };
@@ -154,9 +137,8 @@ impl<'a> Run<'a> {
     }
 
     fn resume(&mut self, checkpoint: Checkpoint) -> Result<(), TrainingError> {
-        let path = <Checkpoint>::path(self.folder);
         let another = |what| TrainingError::CheckpointOfAnother {
-            path: path.clone(),
+            path: <Checkpoint>::path(self.folder),
             what,
         };
         // The time limit may be changed: it says when to stop, not what to learn.
@@ -168,20 +150,10 @@ impl<'a> Run<'a> {
         if checkpoint.state.demonstrations != self.state.demonstrations {
             return Err(another("demonstrations"));
         }
-        let unusable = |reason| TrainingError::CheckpointUnusable {
-            path: path.clone(),
-            reason,
-        };
-        self.network = assign(self.network.clone(), &checkpoint.weights).map_err(unusable)?;
-        self.optimiser = optimiser(&config.optimiser)
-            .from_bytes(Bytes::from_bytes_vec(checkpoint.optimiser))
-            .map_err(|e| unusable(format!("its optimiser state is damaged: {e}")))?;
-        self.average = Average::new(config.optimiser.average_decay, checkpoint.average);
-        self.best = checkpoint.best;
-        self.state = TrainingState {
-            config,
-            ..checkpoint.state
-        };
+        let found = self
+            .learner
+            .resume(checkpoint, &config.optimiser, self.folder)?;
+        self.state = TrainingState { config, ..found };
         Ok(())
     }
 
@@ -189,176 +161,20 @@ impl<'a> Run<'a> {
         mut self,
         observer: &mut dyn TrainingObserver,
     ) -> Result<TrainingReport, TrainingError> {
-        observer.notice(&TrainingEvent::Started {
-            training_states: self.training_states,
-            validation_states: self.validation.state_count(),
-            steps: self.state.config.steps,
-            resumed_from: self.state.step,
-            parameters: self.average.weights.iter().map(|w| w.values.len()).sum(),
-        });
-        let mut states_per_sec = 0.0;
-        if !self.state.finished {
-            let config = self.state.config.clone();
-            let pictures = self.pictures.clone();
-            let (first, last) = (self.state.step, config.steps);
-            let batcher = Batcher {
-                data: self.data,
-                sampler: self.batches.clone(),
-                pictures: &pictures,
-                config: &config,
-            };
-            let (sender, receiver) = sync_channel(BATCHES_AHEAD);
-            states_per_sec = std::thread::scope(|scope| {
-                // Ends when the receiver is gone, whatever became of the training.
-                scope.spawn(move || {
-                    (first..last).find(|step| sender.send(batcher.step_input(*step)).is_err())
-                });
-                self.run_steps(receiver, observer)
-            })?;
-        }
+        let config = self.state.config.clone();
+        let pictures = self.pictures.clone();
+        let batcher = Batcher {
+            data: self.data,
+            sampler: self.batches.clone(),
+            pictures: &pictures,
+            config: &config,
+        };
+        let states_per_sec = course::run(&mut self, |step| batcher.step_input(step), observer)?;
         self.report(states_per_sec)
     }
 
-    fn run_steps(
-        &mut self,
-        inputs: Receiver<StepInput>,
-        observer: &mut dyn TrainingObserver,
-    ) -> Result<f64, TrainingError> {
-        let config = self.state.config.clone();
-        let budget = Budget::new(config.steps, config.max_minutes, self.state.spent_secs);
-        let (started, mut trained) = (Instant::now(), 0_usize);
-        let mut states_per_sec = 0.0;
-        for input in inputs {
-            let progress = budget.progress(self.state.step);
-            let rate = learning_rate(&config.optimiser, self.state.step, progress);
-            trained += input.states;
-            let losses = self.step(input, rate)?;
-            self.state.step += 1;
-            let step = self.state.step;
-            self.average.update(&self.network, step);
-            states_per_sec = trained as f64 / started.elapsed().as_secs_f64();
-            observer.notice(&TrainingEvent::Step {
-                step,
-                progress: budget.progress(step),
-                learning_rate: rate,
-                losses,
-                states_per_sec,
-            });
-            let mut done = budget.is_spent(step);
-            let mut metrics = None;
-            if done || step.is_multiple_of(config.validate_every_steps) {
-                metrics = Some(self.validate(observer));
-                done |= config
-                    .patience_validations
-                    .is_some_and(|most| self.state.validations_without_gain >= most);
-            }
-            self.history.add(step, rate, &losses, metrics.as_ref())?;
-            let stopped = !done && observer.wants_stop();
-            self.state.finished = done;
-            self.state.spent_secs = budget.spent_secs();
-            if done || stopped || step.is_multiple_of(config.checkpoint_every_steps) {
-                self.write_checkpoint(observer)?;
-            }
-            if stopped {
-                return Err(TrainingError::Stopped {
-                    step,
-                    run_folder: self.folder.to_owned(),
-                });
-            }
-            if done {
-                break;
-            }
-        }
-        Ok(states_per_sec)
-    }
-
-    fn step(&mut self, input: StepInput, rate: f64) -> Result<StepLosses, TrainingError> {
-        let Objective { total, losses } = Objective::of(
-            input,
-            &self.network,
-            &self.pictures,
-            &self.state.config,
-            &self.state.spec.action_space.head_sizes(),
-            &self.device,
-        );
-        let diverged = |loss| TrainingError::Diverged {
-            step: self.state.step + 1,
-            loss,
-            learning_rate: rate,
-        };
-        if !losses.total.is_finite() {
-            return Err(diverged(losses.total));
-        }
-        let gradients = GradientsParams::from_grads(total.backward(), &self.network);
-        self.network = self.optimiser.step(rate, self.network.clone(), gradients);
-        Ok(losses)
-    }
-
-    fn validate(&mut self, observer: &mut dyn TrainingObserver) -> crate::model::ValidationMetrics {
-        let device = self.device.clone().inner();
-        let fresh = network_of(&self.state.spec, &self.state.config, &device);
-        let network =
-            assign(fresh, &self.average.weights).expect("the averages are of this network");
-        let found = self.validation.evaluate(
-            &network,
-            self.data,
-            &self.pictures,
-            &self.state.config,
-            &device,
-        );
-        let best_score = self.state.best.as_ref().map(|b| b.score);
-        let is_best = best_score.is_none_or(|score| found.score < score);
-        if is_best {
-            self.best.clone_from(&self.average.weights);
-            self.state.validations_without_gain = 0;
-            self.state.best = Some(BestSoFar {
-                step: self.state.step,
-                score: found.score,
-                metrics: found.metrics.clone(),
-                temperature: found.temperature,
-            });
-        } else {
-            self.state.validations_without_gain += 1;
-        }
-        observer.notice(&TrainingEvent::Validated {
-            step: self.state.step,
-            metrics: found.metrics.clone(),
-            temperature: found.temperature,
-            is_best,
-        });
-        found.metrics
-    }
-
-    fn write_checkpoint(
-        &mut self,
-        observer: &mut dyn TrainingObserver,
-    ) -> Result<(), TrainingError> {
-        self.history.flush()?;
-        let optimiser = self.optimiser.into_bytes().map_err(|e| TrainingError::Io {
-            action: "serialise the optimiser for",
-            path: <Checkpoint>::path(self.folder),
-            source: std::io::Error::other(e.to_string()),
-        })?;
-        let checkpoint = Checkpoint {
-            state: self.state.clone(),
-            weights: collect(&self.network),
-            average: self.average.weights.clone(),
-            best: self.best.clone(),
-            optimiser: optimiser.to_vec(),
-        };
-        let path = checkpoint.save(self.folder)?;
-        observer.notice(&TrainingEvent::CheckpointWritten {
-            step: self.state.step,
-            path,
-        });
-        Ok(())
-    }
-
     fn report(self, states_per_sec: f64) -> Result<TrainingReport, TrainingError> {
-        let unusable = |reason| TrainingError::CheckpointUnusable {
-            path: <Checkpoint>::path(self.folder),
-            reason,
-        };
+        let unusable = |reason| <Checkpoint>::unusable(self.folder, reason);
         let state = self.state;
         let best = state
             .best
@@ -368,25 +184,123 @@ impl<'a> Run<'a> {
             state.config,
             state.normalisation,
             &best,
-            &self.best,
+            &self.learner.best,
         )
         .map_err(unusable)?;
         Ok(TrainingReport {
             model,
-            steps: state.step,
-            spent_secs: state.spent_secs,
+            steps: state.progress.step,
+            spent_secs: state.progress.spent_secs,
             states_per_sec,
         })
     }
 }
 
-/// `AdamW` as a configuration has it.
-pub(super) fn optimiser(config: &OptimiserConfig) -> ModuleOptimizer {
-    AdamWConfig::new()
-        .with_epsilon(1e-8)
-        .with_weight_decay(config.weight_decay)
-        .with_grad_clipping(Some(GradientClippingConfig::Norm(config.clip_norm)))
-        .init()
+impl Course for Run<'_> {
+    type Input = StepInput;
+    type Validation = ValidationMetrics;
+    type Network = LatentFlowNetwork;
+
+    fn pace(&self) -> Pace {
+        let config = &self.state.config;
+        Pace {
+            steps: config.steps,
+            max_minutes: config.max_minutes,
+            validate_every_steps: config.validate_every_steps,
+            checkpoint_every_steps: config.checkpoint_every_steps,
+            patience_validations: config.patience_validations,
+            optimiser: config.optimiser.clone(),
+        }
+    }
+
+    fn folder(&self) -> &Path {
+        self.folder
+    }
+
+    fn sizes(&self) -> Sizes {
+        Sizes {
+            training_states: self.training_states,
+            validation_states: self.validation.state_count(),
+        }
+    }
+
+    fn progress(&mut self) -> &mut Progress {
+        &mut self.state.progress
+    }
+
+    fn learner(&mut self) -> &mut Learner<LatentFlowNetwork> {
+        &mut self.learner
+    }
+
+    fn states_of(input: &StepInput) -> usize {
+        input.states
+    }
+
+    fn step(&mut self, input: StepInput, rate: f64) -> Result<StepLosses, TrainingError> {
+        let Objective { total, losses } = Objective::of(
+            input,
+            &self.learner.network,
+            &self.pictures,
+            &self.state.config,
+            &self.state.spec.action_space.head_sizes(),
+            &self.device,
+        );
+        let step = self.state.progress.step + 1;
+        self.learner.descend(&total, losses.total, rate, step)?;
+        Ok(losses)
+    }
+
+    fn validate(&mut self, observer: &mut dyn TrainingObserver) -> ValidationMetrics {
+        let device = self.device.clone().inner();
+        let fresh = network_of(&self.state.spec, &self.state.config, &device);
+        let found = self.validation.evaluate(
+            &self.learner.averaged(fresh),
+            self.data,
+            &self.pictures,
+            &self.state.config,
+            &device,
+        );
+        let step = self.state.progress.step;
+        let best_score = self.state.best.as_ref().map(|b| b.score);
+        let is_best = best_score.is_none_or(|score| found.score < score);
+        self.state.progress.note_validation(is_best);
+        if is_best {
+            self.learner.keep_average();
+            self.state.best = Some(BestSoFar {
+                step,
+                score: found.score,
+                metrics: found.metrics.clone(),
+                temperature: found.temperature,
+            });
+        }
+        observer.notice(&TrainingEvent::Validated {
+            step,
+            metrics: found.metrics.clone(),
+            temperature: found.temperature,
+            is_best,
+        });
+        found.metrics
+    }
+
+    fn note(
+        &mut self,
+        rate: f64,
+        losses: &StepLosses,
+        validation: Option<&ValidationMetrics>,
+    ) -> Result<(), TrainingError> {
+        let step = self.state.progress.step;
+        self.history.add(step, rate, losses, validation)
+    }
+
+    fn write_checkpoint(
+        &mut self,
+        observer: &mut dyn TrainingObserver,
+    ) -> Result<(), TrainingError> {
+        self.history.flush()?;
+        let (state, step) = (self.state.clone(), self.state.progress.step);
+        self.learner
+            .write_checkpoint(state, step, self.folder, observer)
+    }
 }
 
 #[cfg(test)]

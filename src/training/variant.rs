@@ -94,7 +94,6 @@ fn matched_width(network: &NetworkConfig, variant: NetworkVariant, latent_dim: u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::training::weights::collect;
     use crate::training::{Dataset, Preset, TrainedModel, synthetic};
 
     #[test]
@@ -115,9 +114,7 @@ mod tests {
                 .unwrap()
                 .seen_by(&config.cameras)
                 .unwrap();
-            let network = TrainedModel::untrained(&data, config).network;
-            let weights = collect(&network);
-            weights.iter().map(|w| w.values.len()).sum::<usize>() as f64
+            TrainedModel::untrained(&data, config).weight_count() as f64
         };
         let ours = size(&config);
         for (name, variant) in NetworkVariant::NAMES {

@@ -19,6 +19,11 @@ pub fn collect<M: Module>(network: &M) -> Vec<NamedWeights> {
     collector.found
 }
 
+/// Number of single weights.
+pub fn weight_count(weights: &[NamedWeights]) -> usize {
+    weights.iter().map(|w| w.values.len()).sum()
+}
+
 /// The network with other values in its parameters, or the name of the first parameter that does not
 /// fit.
 pub fn assign<M: Module>(network: M, weights: &[NamedWeights]) -> Result<M, String> {

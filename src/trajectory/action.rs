@@ -64,6 +64,13 @@ fn other_side(word: &str) -> &str {
     }
 }
 
+/// Where among names the one is in which each of the words that `_` joins is another.
+fn named_otherwise(names: &[String], name: &str, other: fn(&str) -> &str) -> Option<usize> {
+    let words: Vec<&str> = name.split('_').map(other).collect();
+    let wanted = words.join("_");
+    names.iter().position(|n| *n == wanted)
+}
+
 impl ActionSpace {
     /// For each primitive the one that undoes it, by its name: `up` and `down`, `left` and `right`,
     /// `forward` and `backward`, as one of the words that `_` joins. Empty for continuous actions.
@@ -73,9 +80,8 @@ impl ActionSpace {
             return Vec::new();
         };
         let opposite = |name: &String| {
-            let words: Vec<&str> = name.split('_').map(opposite_word).collect();
-            let other = words.join("_");
-            names.iter().position(|n| *n == other && n != name)
+            let other = named_otherwise(names, name, opposite_word);
+            other.filter(|other| names[*other] != *name)
         };
         names.iter().map(opposite).collect()
     }
@@ -88,12 +94,8 @@ impl ActionSpace {
         let Self::Primitives { names } = self else {
             return None;
         };
-        let mirrored = |name: &String| {
-            let words: Vec<&str> = name.split('_').map(other_side).collect();
-            let other = words.join("_");
-            names.iter().position(|n| *n == other)
-        };
-        names.iter().map(mirrored).collect()
+        let other = |name: &String| named_otherwise(names, name, other_side);
+        names.iter().map(other).collect()
     }
 
     /// For each primitive of another part the one of the base that moves the hand the same way, by its name:

@@ -20,7 +20,7 @@ pub(crate) fn text(output: &[u8]) -> String {
     String::from_utf8_lossy(output).into_owned()
 }
 
-fn succeeded(arguments: &[&str]) -> String {
+pub(crate) fn succeeded(arguments: &[&str]) -> String {
     let output = catena(arguments);
     assert!(
         output.status.success(),

@@ -1,24 +1,17 @@
 //! Trainings that can be repeated, and experiments that go on.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::command::{catena, path, text};
+use crate::command::{catena, path, succeeded, text};
 
-fn succeeded(arguments: &[&str]) -> String {
-    let output = catena(arguments);
-    let said = text(&output.stderr);
-    assert!(output.status.success(), "catena {arguments:?}\n{said}");
-    text(&output.stdout)
-}
-
-fn recorded(folder: &Path, demonstrations: &str) {
-    for task in ["sock", "trash", "wine"] {
-        let out = folder.join(task);
-        let words = ["record", task, "--demos", demonstrations, "--out"];
-        succeeded(&[&words[..], &[path(&out)]].concat());
-    }
+/// Records demonstrations of a task in a folder of its name.
+fn recorded(folder: &Path, task: &str, demonstrations: &str) -> PathBuf {
+    let out = folder.join(task);
+    let words = ["record", task, "--demos", demonstrations, "--out"];
+    succeeded(&[&words[..], &[path(&out)]].concat());
+    out
 }
 
 fn manifest(model: &Path) -> serde_json::Value {
@@ -30,8 +23,7 @@ fn manifest(model: &Path) -> serde_json::Value {
 fn a_run_folder_is_enough_to_repeat_its_training() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
-    let demos = at("wine");
-    succeeded(&["record", "wine", "--demos", "3", "--out", path(&demos)]);
+    let demos = recorded(folder.path(), "wine", "3");
     let train = |out: &Path, run: &Path, more: &[&str]| {
         let words = [
             "train",
@@ -83,8 +75,7 @@ fn a_run_folder_is_enough_to_repeat_its_training() {
 #[test]
 fn a_camera_or_variant_that_is_not_there_is_named_with_those_that_are() {
     let folder = tempfile::tempdir().expect("a folder");
-    let demos = folder.path().join("wine");
-    succeeded(&["record", "wine", "--demos", "2", "--out", path(&demos)]);
+    let demos = recorded(folder.path(), "wine", "2");
     let out = folder.path().join("model");
     for (flag, wrong, right) in [
         ("--camera", "chest", "wrist 90x160"),
@@ -106,8 +97,7 @@ fn a_camera_or_variant_that_is_not_there_is_named_with_those_that_are() {
 fn a_training_that_cannot_write_says_so_and_goes_on_when_it_can() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
-    let demos = at("wine");
-    succeeded(&["record", "wine", "--demos", "3", "--out", path(&demos)]);
+    let demos = recorded(folder.path(), "wine", "3");
     let run = at("run");
     let words = [
         "train",
@@ -153,7 +143,9 @@ fn a_training_that_cannot_write_says_so_and_goes_on_when_it_can() {
 fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
-    recorded(&at("demos"), "2");
+    for task in ["sock", "trash", "wine"] {
+        recorded(&at("demos"), task, "2");
+    }
     let (demos, work, out) = (at("demos"), at("work"), at("out"));
     let run = |more: &[&str]| {
         let words = [

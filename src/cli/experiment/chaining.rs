@@ -1,12 +1,9 @@
-use std::fs;
-use std::io::Write;
-use std::path::Path;
-
 use serde::Serialize;
 
 use crate::cli::arguments::{Arguments, ChainingArguments, EvaluateArguments, PlannerArgument};
 use crate::cli::error::CliError;
 use crate::cli::evaluate::{bedroom, episodes};
+use crate::cli::kept::{keep, keep_text, kept};
 use crate::cli::loaded::{Loaded, graph_digests};
 use crate::cli::revision::revision;
 use crate::composer::{Composition, compose_named};
@@ -16,7 +13,6 @@ use crate::experiment::{
 use crate::model::sha256_hex;
 use crate::rollout::Rollout;
 use crate::simulator::Bedroom;
-use crate::storage::write_file;
 use crate::view::{Rate, write_rates_svg};
 
 /// What the figures of a cell depend on.
@@ -65,13 +61,13 @@ pub(super) fn chaining(
             level: format!("{:?}", bedroom(&loaded, evaluated)?.level),
         };
         let digest = sha256_hex(&serde_json::to_vec(&ingredients)?);
-        let cell = if let Some(cell) = kept(&file, &digest) {
+        let found = kept::<ChainingCell>(&file).filter(|cell| cell.digest == digest);
+        let cell = if let Some(cell) = found {
             println!("{}: kept from {}", method.described(), file.display());
             cell
         } else {
             let cell = measure(method, &loaded, evaluated, arguments, digest)?;
-            let text = serde_json::to_string_pretty(&cell)?;
-            write_file(&file, |f| f.write_all(text.as_bytes()))?;
+            keep(&file, &cell)?;
             println!(
                 "{}: {:.0} % of {}",
                 method.described(),
@@ -85,8 +81,7 @@ pub(super) fn chaining(
     let table = chaining_table(&cells);
     let name = &cells[0].evaluation.name;
     let title = format!("{} with each guard switched off", name.replace('_', " "));
-    let table_file = out.join("table.md");
-    write_file(&table_file, |f| f.write_all(table.as_bytes()))?;
+    keep_text(&out.join("table.md"), table.as_bytes())?;
     let rates: Vec<Rate> = cells.iter().map(rate).collect();
     let picture = out.join("chaining.svg");
     write_rates_svg(
@@ -105,12 +100,6 @@ fn rate(cell: &ChainingCell) -> Rate {
         rate: cell.success_rate,
         interval: cell.interval_95,
     }
-}
-
-/// A cell that was finished before, if it is of the same ingredients.
-fn kept(file: &Path, digest: &str) -> Option<ChainingCell> {
-    let cell: ChainingCell = serde_json::from_slice(&fs::read(file).ok()?).ok()?;
-    (cell.digest == digest).then_some(cell)
 }
 
 /// What of a composition its figures depend on, beyond model and graphs.

@@ -6,11 +6,10 @@ use std::path::{Path, PathBuf};
 use super::method::{Method, TABLE_3, chosen};
 use super::plan::{QUICK_NOTE, Size, digest, out};
 use super::workshop::Workshop;
-use super::{keep, kept, write_text};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
-use crate::cli::revision::revision;
-use crate::experiment::{LossCurve, LossPoint, PAPER_TASKS, losses_table};
+use crate::cli::kept::{keep, keep_text, kept};
+use crate::experiment::{LossCurve, LossPoint, losses_table};
 use crate::training::TrainedModel;
 use crate::view::{Panel, write_curves_svg};
 
@@ -28,15 +27,7 @@ pub(super) fn figure_5(paper: &PaperArguments, arguments: &Arguments) -> Result<
         for seed in size.training_seed..size.training_seed + size.seeds {
             for method in &methods {
                 for demonstrations in &size.demonstrations {
-                    measure(
-                        &workshop,
-                        method,
-                        *demonstrations,
-                        &size,
-                        seed,
-                        &out,
-                        arguments,
-                    )?;
+                    measure(&workshop, method, *demonstrations, &size, seed, &out)?;
                 }
             }
         }
@@ -55,14 +46,9 @@ fn measure(
     size: &Size,
     seed: u64,
     out: &Path,
-    arguments: &Arguments,
 ) -> Result<(), CliError> {
     let words = size.training(method, seed);
-    let told = PAPER_TASKS
-        .iter()
-        .map(|task| workshop.recordings_told(task))
-        .collect::<Result<Vec<_>, _>>()?;
-    let digest = digest(&(method.name, demonstrations, &words, told))?;
+    let digest = digest(&(method.name, demonstrations, &words, &workshop.recordings))?;
     let file = curve_file(out, method.name, seed);
     if kept::<LossCurve>(&file).is_some_and(|curve| curve.digest == digest) {
         println!("kept: {}", file.display());
@@ -79,7 +65,7 @@ fn measure(
         weights: model.as_ref().map_or(0, TrainedModel::weight_count),
         digest,
         commands: vec![format!("catena train ... {}", words.join(" "))],
-        commit: revision(&arguments.root),
+        commit: workshop.commit.clone(),
         is_quick: size.is_quick,
         config: model.map_or(Ok(serde_json::Value::Null), |m| {
             serde_json::to_value(&m.config)
@@ -103,7 +89,7 @@ fn draw(out: &Path, size: &Size) -> Result<(), CliError> {
     if curves.iter().any(|curve| curve.is_quick) {
         table = format!("{QUICK_NOTE}\n\n{table}");
     }
-    write_text(&out.join("table.md"), table.as_bytes())?;
+    keep_text(&out.join("table.md"), table.as_bytes())?;
     let panel = |label: &str, value: fn(&LossPoint) -> f64| Panel {
         label: label.to_owned(),
         lines: TABLE_3

@@ -9,12 +9,11 @@ use serde::{Deserialize, Serialize};
 use super::method::{BC, Method, OURS};
 use super::plan::{QUICK_NOTE, Size, digest, out};
 use super::workshop::{Trained, Workshop};
-use super::{keep, kept, write_text};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::baseline::goal_state;
 use crate::cli::error::CliError;
+use crate::cli::kept::{keep, keep_text, kept};
 use crate::cli::loaded::{Loaded, bedroom};
-use crate::cli::revision::revision;
 use crate::composer::compose_named;
 use crate::environment::Environment;
 use crate::inference::Baseline;
@@ -67,12 +66,11 @@ pub(super) fn figure_6(paper: &PaperArguments, arguments: &Arguments) -> Result<
     for method in [BC, OURS] {
         let file = out.join(format!("{}.json", method.name));
         let words = size.training(&method, size.training_seed);
-        let told = workshop.recordings_told(TASK)?;
         let digest = digest(&(
             method.name,
             demonstrations,
             &words,
-            told,
+            &workshop.recordings,
             size.episodes,
             size.seed,
         ))?;
@@ -93,7 +91,7 @@ pub(super) fn figure_6(paper: &PaperArguments, arguments: &Arguments) -> Result<
         cell.demonstrations = demonstrations;
         cell.seed = size.seed;
         cell.digest = digest;
-        cell.commit = revision(&arguments.root);
+        cell.commit.clone_from(&workshop.commit);
         cell.is_quick = size.is_quick;
         keep(&file, &cell)?;
         cells.push(cell);
@@ -108,7 +106,6 @@ fn first_actions(
     size: &Size,
     arguments: &Arguments,
 ) -> Result<(Vec<String>, Vec<ActionDistribution>), CliError> {
-    let rooted = Arguments::at(&trained.root, arguments.engine);
     let composition = compose_named(TASK, &trained.root)?;
     let mut room = Bedroom::new(bedroom(&composition)?);
     let mut first = Vec::new();
@@ -126,7 +123,7 @@ fn first_actions(
         }
         return Ok((names_of(&policy.spec().action_space)?, first));
     }
-    let loaded = Loaded::load(TASK, &rooted)?;
+    let loaded = Loaded::of(composition, arguments)?;
     let planner = loaded.planner(loaded.composition.planner.clone())?;
     let mut controller = Controller::new(
         loaded.rollout_model(),
@@ -231,7 +228,7 @@ fn draw(out: &Path, cells: &[CertaintyCell]) -> Result<(), CliError> {
         "| the paper's robot, BC | | `base_forward` 0.68, `base_turn_left` 0.31 |\n\
          | the paper's robot, ours | | `base_forward` 0.99 |\n",
     );
-    write_text(&out.join("table.md"), table.as_bytes())?;
+    keep_text(&out.join("table.md"), table.as_bytes())?;
     write_rates_svg(
         &out.join("fig6.svg"),
         &rates,

@@ -13,6 +13,7 @@ pub(super) struct Method {
     pub(super) plans: bool,
 }
 
+/// One that plans over a graph.
 const fn planning(
     name: &'static str,
     described: &'static str,
@@ -26,16 +27,15 @@ const fn planning(
     }
 }
 
+/// One that does not.
 const fn baseline(
     name: &'static str,
     described: &'static str,
     flags: &'static [&'static str],
 ) -> Method {
     Method {
-        name,
-        described,
-        flags,
         plans: false,
+        ..planning(name, described, flags)
     }
 }
 

@@ -9,10 +9,9 @@ use serde_json::Value;
 use super::method::{Method, TABLE_1, TABLE_3, chosen};
 use super::plan::{QUICK_NOTE, Size, digest, out};
 use super::workshop::{Trained, Workshop, evaluation, shown};
-use super::{keep, kept, write_text};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
-use crate::cli::revision::revision;
+use crate::cli::kept::{keep, keep_text, kept};
 use crate::experiment::{
     Evaluation, PAPER_TABLE_1, PAPER_TABLE_3, PAPER_TASKS, PublishedRate, RateCell, pooled,
     rates_table,
@@ -70,7 +69,7 @@ impl Table {
         if !paper.only_draw {
             for demonstrations in &size.demonstrations {
                 for method in methods.iter().filter(|m| workshop.can_train(m)) {
-                    measure(&workshop, method, *demonstrations, &size, &out, arguments)?;
+                    measure(&workshop, method, *demonstrations, &size, &out)?;
                 }
             }
         }
@@ -106,7 +105,7 @@ impl Table {
         if cells.iter().any(|cell| cell.is_quick) {
             table = format!("{QUICK_NOTE}\n\n{table}");
         }
-        write_text(&out.join("table.md"), table.as_bytes())?;
+        keep_text(&out.join("table.md"), table.as_bytes())?;
         let bar = |(name, described, demonstrations): &(&str, &str, usize)| {
             let of_row = cells
                 .iter()
@@ -146,18 +145,19 @@ fn measure(
     demonstrations: usize,
     size: &Size,
     out: &Path,
-    arguments: &Arguments,
 ) -> Result<(), CliError> {
     let seed = size.training_seed;
     let words = size.training(method, seed);
     let mut trained: Option<Trained> = None;
     for task in PAPER_TASKS {
-        let told = PAPER_TASKS
-            .iter()
-            .map(|task| workshop.recordings_told(task))
-            .collect::<Result<Vec<_>, _>>()?;
         let episodes = (task, size.episodes, size.seed);
-        let digest = digest(&(method.name, demonstrations, &words, told, episodes))?;
+        let digest = digest(&(
+            method.name,
+            demonstrations,
+            &words,
+            &workshop.recordings,
+            episodes,
+        ))?;
         let file = cell_file(out, method, demonstrations, task);
         if kept::<RateCell>(&file).is_some_and(|cell| cell.digest == digest) {
             println!("kept: {}", file.display());
@@ -167,7 +167,7 @@ fn measure(
             trained = Some(workshop.trained(method, demonstrations, size, seed, true)?);
         }
         let Some(trained) = &trained else { continue };
-        let command = evaluation(trained, task, size);
+        let command = evaluation(method, trained, task, size);
         let evaluation: Evaluation = workshop.json(&command, None)?;
         let cell = RateCell {
             method: method.name.to_owned(),
@@ -183,7 +183,7 @@ fn measure(
                 shown(&command).replace(&trained.root.display().to_string(), "..."),
             ],
             digests: digests_of(trained)?,
-            commit: revision(&arguments.root),
+            commit: workshop.commit.clone(),
             is_quick: size.is_quick,
             evaluation,
         };

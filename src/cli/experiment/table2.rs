@@ -7,10 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::method::{Method, OURS, TABLE_1, chosen};
 use super::plan::{Size, digest, out};
 use super::workshop::{Workshop, evaluation, shown};
-use super::{keep, kept, write_text};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
-use crate::cli::revision::revision;
+use crate::cli::kept::{keep, keep_text, kept};
 use crate::experiment::Evaluation;
 
 const NAME: &str = "table2";
@@ -84,7 +83,7 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
             }
             let seed = size.training_seed;
             let trained = workshop.trained(&method, demonstrations, &size, seed, true)?;
-            let command = evaluation(&trained, TASK, &size);
+            let command = evaluation(&method, &trained, TASK, &size);
             let found: Evaluation = match workshop.json(&command, Some(engine)) {
                 Ok(found) => found,
                 Err(error) => {
@@ -102,14 +101,14 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
                 cores,
                 digest,
                 commands: vec![shown(&command).replace(&trained.root.display().to_string(), "...")],
-                commit: revision(&arguments.root),
+                commit: workshop.commit.clone(),
             };
             keep(&file, &cell)?;
             cells.push(cell);
         }
     }
     let table = table(&methods, &size.demonstrations, &cells);
-    write_text(&out.join("table.md"), table.as_bytes())?;
+    keep_text(&out.join("table.md"), table.as_bytes())?;
     println!("\n{table}\nin {}", out.display());
     Ok(())
 }

@@ -9,6 +9,8 @@ use super::method::{MVP, Method};
 use super::plan::Size;
 use crate::cli::arguments::{Arguments, EngineArgument, PaperArguments};
 use crate::cli::error::CliError;
+use crate::cli::kept::keep_text;
+use crate::cli::revision::revision;
 use crate::experiment::PAPER_TASKS;
 use crate::storage::{ReadOptions, Recordings};
 
@@ -25,6 +27,11 @@ pub(super) struct Workshop<'a> {
     arguments: &'a Arguments,
     work: PathBuf,
     executable: PathBuf,
+    /// What the recordings of each task are, for digests: how they are recorded, or the SHA-256 of those that
+    /// were given. Empty where nothing is measured.
+    pub(super) recordings: Vec<String>,
+    /// The commit of the working tree, if it is one.
+    pub(super) commit: Option<String>,
 }
 
 /// A trained method.
@@ -43,23 +50,19 @@ impl<'a> Workshop<'a> {
         arguments: &'a Arguments,
     ) -> Result<Self, CliError> {
         let executable = std::env::current_exe().map_err(io(Path::new("the program itself")))?;
+        let recordings = if paper.only_draw {
+            Vec::new()
+        } else {
+            recordings_told(paper)?
+        };
         Ok(Self {
+            recordings,
+            commit: revision(&arguments.root),
             paper,
             arguments,
             work: std::path::absolute(&paper.work).map_err(io(&paper.work))?,
             executable,
         })
-    }
-
-    /// What the recordings are, for digests: how they are recorded, or the SHA-256 of those that were given.
-    pub(super) fn recordings_told(&self, task: &str) -> Result<String, CliError> {
-        match &self.paper.demos {
-            None => Ok(format!("recorded with seed {RECORDING_SEED}, varied")),
-            Some(folder) => {
-                let recordings = Recordings::open(&[folder.join(task)], &ReadOptions::default())?;
-                Ok(recordings.digest()?)
-            }
-        }
     }
 
     /// Whether a method can be trained at all; says why not.
@@ -127,7 +130,7 @@ impl<'a> Workshop<'a> {
         if fs::read_to_string(&begun).is_ok_and(|text| text != told) && trained.run.exists() {
             fs::remove_dir_all(&trained.run).map_err(io(&trained.run))?;
         }
-        super::write_text(&begun, told.as_bytes())?;
+        keep_text(&begun, told.as_bytes())?;
         let mut command: Vec<OsString> = vec!["train".into()];
         command.extend(PAPER_TASKS.map(|task| trained.root.join("demos").join(task).into()));
         command.extend(words.iter().map(OsString::from));
@@ -141,7 +144,7 @@ impl<'a> Workshop<'a> {
         ]);
         command.extend(["--out".into(), trained.model.clone().into()]);
         self.run(&command)?;
-        super::write_text(&note, told.as_bytes())
+        keep_text(&note, told.as_bytes())
     }
 
     /// Puts tasks and the first recordings of each into a folder.
@@ -251,10 +254,26 @@ impl<'a> Workshop<'a> {
     }
 }
 
+fn recordings_told(paper: &PaperArguments) -> Result<Vec<String>, CliError> {
+    let told = |task: &str| match &paper.demos {
+        None => Ok(format!("recorded with seed {RECORDING_SEED}, varied")),
+        Some(folder) => {
+            let recordings = Recordings::open(&[folder.join(task)], &ReadOptions::default())?;
+            Ok(recordings.digest()?)
+        }
+    };
+    PAPER_TASKS.into_iter().map(told).collect()
+}
+
 /// The words that evaluate a trained method on a task.
-pub(super) fn evaluation(trained: &Trained, task: &str, size: &Size) -> Vec<OsString> {
+pub(super) fn evaluation(
+    method: &Method,
+    trained: &Trained,
+    task: &str,
+    size: &Size,
+) -> Vec<OsString> {
     let mut words: Vec<OsString> = vec!["evaluate".into(), task.into()];
-    if !trained.model.starts_with(trained.root.join("graphs")) {
+    if !method.plans {
         words.extend(["--policy".into(), trained.model.clone().into()]);
     }
     words.extend(["--root".into(), trained.root.clone().into()]);

@@ -4,7 +4,7 @@ use rand_chacha::rand_core::SeedableRng;
 use super::BaselineConfig;
 use super::sampler::{WindowDraw, WindowSampler};
 use super::source::{Inputs, Source};
-use crate::training::augmentation::{Mirror, Variation};
+use crate::training::augmentation::{Mirror, vary};
 use crate::training::{Dataset, StateRef};
 
 /// Everything that a step needs, as plain values.
@@ -45,15 +45,12 @@ impl WindowBatcher<'_> {
         let draw = self.sampler.draw(self.data, &mut rng);
         let augmentation = &self.config.augmentation;
         let mirror = Mirror::draw(augmentation, self.data.action_space(), &mut rng);
-        let mut variations = self.variations(&draw, &mut rng);
+        // The states of a window must differ by what the robot did and not by how their pictures were moved.
+        let cameras = self.data.cameras().len();
+        let variations = vary(augmentation, cameras, &draw.group_of, &mirror, &mut rng);
         let stack = self.config.stack;
         let (scored, mut classes) = self.targets(&draw);
-        if let Some(mirror) = mirror {
-            mirror.change(&mut classes);
-            for variation in variations.iter_mut().flatten() {
-                variation.is_mirrored = true;
-            }
-        }
+        mirror.change(&mut classes);
         let numbers = |rows: &[usize]| rows.iter().map(|row| *row as i32).collect();
         BatchInput {
             states: draw.states.len(),
@@ -65,19 +62,6 @@ impl WindowBatcher<'_> {
             scored,
             classes,
         }
-    }
-
-    /// A variation for each state and camera, the same for all states of a window: they must differ by what
-    /// the robot did and not by how their pictures were moved. Goals have their own.
-    fn variations(&self, draw: &WindowDraw, rng: &mut ChaCha8Rng) -> Vec<Vec<Variation>> {
-        let each: Vec<Vec<Variation>> = (0..draw.groups)
-            .map(|_| {
-                (0..self.data.cameras().len())
-                    .map(|_| Variation::draw(&self.config.augmentation, rng))
-                    .collect()
-            })
-            .collect();
-        draw.group_of.iter().map(|g| each[*g].clone()).collect()
     }
 
     fn targets(&self, draw: &WindowDraw) -> (Vec<i32>, Vec<Vec<i32>>) {

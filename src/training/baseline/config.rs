@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::model::BaselineMethod;
-use crate::training::config::demand;
+use crate::training::config::{check_shares, check_validation_share, demand};
 use crate::training::{
     AugmentationConfig, EncoderConfig, ImitationConfig, OptimiserConfig, Preset, TrainingError,
 };
@@ -168,18 +168,8 @@ impl BaselineConfig {
             self.augmentation.mirror_share,
             "the features of a frozen encoder are those of the pictures as they are: it must be 0",
         )?;
-        demand(
-            self.validation_share > 0.0 && self.validation_share < 1.0,
-            "validation_share",
-            self.validation_share,
-            "it must lie between 0 and 1",
-        )?;
-        demand(
-            self.encoder.stem_stride > 0 && self.encoder.stem_kernel >= self.encoder.stem_stride,
-            "encoder.stem_kernel",
-            self.encoder.stem_kernel,
-            "it must be at least stem_stride, which must be 1 or more",
-        )?;
+        check_validation_share(self.validation_share)?;
+        self.encoder.check_stem("encoder.stem_kernel")?;
         demand(
             self.transformer
                 .width
@@ -188,25 +178,13 @@ impl BaselineConfig {
             self.transformer.heads,
             "it must divide transformer.width",
         )?;
-        for (field, value) in [
+        check_shares(&[
             ("dropout", self.dropout),
             ("encoder.stochastic_depth", self.encoder.stochastic_depth),
             ("augmentation.mirror_share", self.augmentation.mirror_share),
             ("optimiser.average_decay", self.optimiser.average_decay),
-        ] {
-            demand(
-                (0.0..1.0).contains(&value),
-                field,
-                value,
-                "it must be at least 0 and below 1",
-            )?;
-        }
-        demand(
-            self.optimiser.learning_rate > 0.0,
-            "optimiser.learning_rate",
-            self.optimiser.learning_rate,
-            "it must be above 0",
-        )
+        ])?;
+        self.optimiser.check()
     }
 
     fn check_positive(&self) -> Result<(), TrainingError> {

@@ -145,10 +145,7 @@ pub fn feature_dim(data: &Dataset, pictures: &FrozenPictures) -> usize {
 
 /// The cameras' patch grids.
 pub fn grids_of(spec: &BaselineSpec, config: &BaselineConfig) -> Vec<PatchGrid> {
-    spec.cameras
-        .iter()
-        .map(|c| PatchGrid::new(c.height, c.width, spec.stack, &config.encoder))
-        .collect()
+    PatchGrid::of_cameras(&spec.cameras, spec.stack, &config.encoder)
 }
 
 /// The pictures of a baseline's cameras.
@@ -157,9 +154,5 @@ pub fn pictures_of(
     config: &BaselineConfig,
     normalisation: Vec<ChannelNormalisation>,
 ) -> Pictures {
-    Pictures {
-        names: spec.cameras.iter().map(|c| c.name.clone()).collect(),
-        grids: grids_of(spec, config),
-        normalisation,
-    }
+    Pictures::new(&spec.cameras, spec.stack, &config.encoder, normalisation)
 }

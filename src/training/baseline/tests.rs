@@ -12,13 +12,13 @@ use super::trained::{BaselineState, network_of};
 use super::*;
 use crate::model::{BaselineMethod, FeatureEncoder, FrozenPictures, Latents, ModelError};
 use crate::training::evaluation::values;
-use crate::training::trainer::optimiser;
+use crate::training::learner::optimiser;
+use crate::training::synthetic::{Counting, sets};
 use crate::training::weights::{NamedWeights, collect};
 use crate::training::{
-    Dataset, Preset, SilentObserver, StateRef, TrainingError, TrainingEvent, TrainingObserver,
-    synthetic,
+    Dataset, Preset, SilentObserver, StateRef, TrainingError, TrainingObserver, synthetic,
 };
-use crate::trajectory::{CameraSpec, DemonstrationSet, State};
+use crate::trajectory::{CameraSpec, State};
 
 /// The mean colour of a picture, as an encoder that was trained elsewhere.
 struct MeanColour {
@@ -66,35 +66,6 @@ impl FeatureEncoder for MeanColour {
         }
         Ok(table)
     }
-}
-
-/// Stops after some steps and counts events.
-#[derive(Default)]
-struct Counting {
-    steps: u64,
-    validations: u64,
-    stop_after: Option<u64>,
-}
-
-impl TrainingObserver for Counting {
-    fn notice(&mut self, event: &TrainingEvent) {
-        match event {
-            TrainingEvent::Step { .. } => self.steps += 1,
-            TrainingEvent::BaselineValidated { .. } => self.validations += 1,
-            _ => {}
-        }
-    }
-
-    fn wants_stop(&mut self) -> bool {
-        self.stop_after.is_some_and(|s| self.steps >= s)
-    }
-}
-
-fn sets() -> [DemonstrationSet; 2] {
-    [
-        synthetic::demonstrations("a", 3, 12, 3),
-        synthetic::demonstrations("b", 3, 12, 4),
-    ]
 }
 
 fn tiny(method: BaselineMethod, steps: u64) -> BaselineConfig {

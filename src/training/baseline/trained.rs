@@ -8,7 +8,8 @@ use super::{BaselineConfig, BaselineNetwork};
 use crate::model::{BaselineMethod, BaselineSpec, BaselineValidation, FeatureEncoder, sha256_hex};
 use crate::training::batch::Pictures;
 use crate::training::checkpoint::Checkpoint;
-use crate::training::weights::{NamedWeights, assign, collect};
+use crate::training::course::Progress;
+use crate::training::weights::{NamedWeights, assign, collect, weight_count};
 use crate::training::{ChannelNormalisation, Dataset, TrainingError};
 
 /// A baseline with everything that is needed to export it.
@@ -33,16 +34,11 @@ pub struct TrainedBaseline {
 /// Where the training of a baseline is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct BaselineState {
-    /// Steps done.
-    pub step: u64,
-    /// Seconds that they took.
-    pub spent_secs: f64,
-    /// Whether the training came to its end.
-    pub finished: bool,
+    /// How far it is.
+    #[serde(flatten)]
+    pub progress: Progress,
     /// The best weights so far.
     pub best: Option<BestBaseline>,
-    /// Validations since then.
-    pub validations_without_gain: u64,
     /// The configuration.
     pub config: BaselineConfig,
     /// What the baseline takes and gives.
@@ -73,11 +69,8 @@ impl BaselineState {
         frozen: Option<&dyn FeatureEncoder>,
     ) -> Self {
         Self {
-            step: 0,
-            spent_secs: 0.0,
-            finished: false,
+            progress: Progress::default(),
             best: None,
-            validations_without_gain: 0,
             config: config.clone(),
             spec: spec_of(data, config, frozen),
             normalisation: ChannelNormalisation::measure(data, training),
@@ -105,10 +98,7 @@ impl TrainedBaseline {
         };
         Self::with_weights(checkpoint.state, best, &checkpoint.best, frozen)
             .map(Some)
-            .map_err(|reason| TrainingError::CheckpointUnusable {
-                path: Checkpoint::<BaselineState>::path(run_folder),
-                reason,
-            })
+            .map_err(|reason| Checkpoint::<BaselineState>::unusable(run_folder, reason))
     }
 
     /// A baseline with random weights, as it is before the first step.
@@ -138,8 +128,7 @@ impl TrainedBaseline {
     /// Number of weights that are trained.
     #[must_use]
     pub fn parameter_count(&self) -> usize {
-        let weights = collect(&self.network);
-        weights.iter().map(|w| w.values.len()).sum()
+        weight_count(&collect(&self.network))
     }
 
     pub(super) fn with_weights(

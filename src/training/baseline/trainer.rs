@@ -1,13 +1,6 @@
-mod resuming;
-
 use std::path::Path;
-use std::sync::mpsc::{Receiver, sync_channel};
-use std::time::Instant;
 
-use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::tensor::Device;
-
-use resuming::{check_same, unusable};
 
 use super::batch::{BatchInput, WindowBatcher};
 use super::dropout::Dropout;
@@ -19,19 +12,15 @@ use super::validation::HeldOut;
 use super::{BaselineConfig, BaselineNetwork, TrainedBaseline};
 use crate::model::{BaselineValidation, FeatureEncoder};
 use crate::training::augmentation::check_mirror;
-use crate::training::budget::Budget;
 use crate::training::checkpoint::Checkpoint;
+use crate::training::course::{self, Course, Pace, Progress, Sizes};
 use crate::training::history::LossTable;
-use crate::training::schedule::learning_rate;
-use crate::training::trainer::optimiser;
-use crate::training::weights::{Average, NamedWeights, assign, collect};
+use crate::training::learner::Learner;
 use crate::training::{
     Dataset, StepLosses, TrainingError, TrainingEvent, TrainingObserver, training_device,
 };
 use crate::trajectory::DemonstrationSet;
 
-/// Batches that are made ready while the network computes.
-const BATCHES_AHEAD: usize = 1;
 const HEADER: &str = "step,learning_rate,loss,validation_loss,validation_accuracy\n";
 
 /// What came of the training of a baseline.
@@ -107,10 +96,7 @@ struct Run<'a> {
     sampler: WindowSampler,
     held_out: HeldOut,
     training_states: usize,
-    network: BaselineNetwork,
-    optimiser: ModuleOptimizer,
-    average: Average,
-    best: Vec<NamedWeights>,
+    learner: Learner<BaselineNetwork>,
     state: BaselineState,
     losses: LossTable,
 }
@@ -138,7 +124,7 @@ impl<'a> Run<'a> {
             None => Source::pictures(&state.spec, config, state.normalisation.clone()),
         };
         let network = network_of(&state.spec, config, &device);
-        let done = checkpoint.as_ref().map_or(0, |c| c.state.step);
+        let done = checkpoint.as_ref().map_or(0, |c| c.state.progress.step);
         let mut run = Self {
             data,
             folder,
@@ -148,15 +134,16 @@ impl<'a> Run<'a> {
             sampler,
             held_out,
             training_states: data.states_of(&split.training).count(),
-            average: Average::new(config.optimiser.average_decay, collect(&network)),
-            network,
-            optimiser: optimiser(&config.optimiser),
-            best: Vec::new(),
+            learner: Learner::new(network, &config.optimiser),
             state,
             losses: LossTable::open(folder, HEADER, done)?,
         };
         if let Some(checkpoint) = checkpoint {
-            run.resume(checkpoint)?;
+            let found = (run.learner).resume(checkpoint, &config.optimiser, folder)?;
+            run.state = BaselineState {
+                config: config.clone(),
+                ..found
+            };
         }
         Ok(run)
     }
@@ -165,163 +152,176 @@ impl<'a> Run<'a> {
         mut self,
         observer: &mut dyn TrainingObserver,
     ) -> Result<BaselineReport, TrainingError> {
-        observer.notice(&TrainingEvent::Started {
-            training_states: self.training_states,
-            validation_states: self.held_out.state_count(),
-            steps: self.state.config.steps,
-            resumed_from: self.state.step,
-            parameters: self.average.weights.iter().map(|w| w.values.len()).sum(),
-        });
-        let mut states_per_sec = 0.0;
-        if !self.state.finished {
-            let config = self.state.config.clone();
-            let source = self.source.clone();
-            let (first, last) = (self.state.step, config.steps);
-            let batcher = WindowBatcher {
-                data: self.data,
-                sampler: self.sampler.clone(),
-                source: &source,
-                config: &config,
-            };
-            let (sender, receiver) = sync_channel(BATCHES_AHEAD);
-            states_per_sec = std::thread::scope(|scope| {
-                // Ends when the receiver is gone, whatever became of the training.
-                scope.spawn(move || {
-                    (first..last).find(|step| sender.send(batcher.step_input(*step)).is_err())
-                });
-                self.run_steps(receiver, observer)
-            })?;
-        }
+        let config = self.state.config.clone();
+        let source = self.source.clone();
+        let batcher = WindowBatcher {
+            data: self.data,
+            sampler: self.sampler.clone(),
+            source: &source,
+            config: &config,
+        };
+        let states_per_sec = course::run(&mut self, |step| batcher.step_input(step), observer)?;
         self.report(states_per_sec)
     }
 
-    fn run_steps(
-        &mut self,
-        inputs: Receiver<BatchInput>,
-        observer: &mut dyn TrainingObserver,
-    ) -> Result<f64, TrainingError> {
-        let config = self.state.config.clone();
-        let budget = Budget::new(config.steps, config.max_minutes, self.state.spent_secs);
-        let (started, mut trained) = (Instant::now(), 0_usize);
-        let mut states_per_sec = 0.0;
-        for input in inputs {
-            let progress = budget.progress(self.state.step);
-            let rate = learning_rate(&config.optimiser, self.state.step, progress);
-            trained += input.states;
-            let loss = self.step(input, rate)?;
-            self.state.step += 1;
-            let step = self.state.step;
-            self.average.update(&self.network, step);
-            states_per_sec = trained as f64 / started.elapsed().as_secs_f64();
-            observer.notice(&TrainingEvent::Step {
-                step,
-                progress: budget.progress(step),
-                learning_rate: rate,
-                losses: StepLosses {
-                    total: loss,
-                    policy: loss,
-                    ..StepLosses::default()
-                },
-                states_per_sec,
-            });
-            let mut done = budget.is_spent(step);
-            let mut found = None;
-            if done || step.is_multiple_of(config.validate_every_steps) {
-                found = Some(self.validate(observer));
-                let patience = config.patience_validations;
-                done |= patience.is_some_and(|most| self.state.validations_without_gain >= most);
-            }
-            self.losses
-                .add(&row(step, rate, loss, found), found.is_some())?;
-            let stopped = !done && observer.wants_stop();
-            self.state.finished = done;
-            self.state.spent_secs = budget.spent_secs();
-            if done || stopped || step.is_multiple_of(config.checkpoint_every_steps) {
-                self.write_checkpoint(observer)?;
-            }
-            if stopped {
-                return Err(TrainingError::Stopped {
-                    step,
-                    run_folder: self.folder.to_owned(),
-                });
-            }
-            if done {
-                break;
-            }
-        }
-        Ok(states_per_sec)
-    }
-
-    fn step(&mut self, input: BatchInput, rate: f64) -> Result<f32, TrainingError> {
-        let mut dropout = Dropout::of_step(&self.state.config, self.state.step);
-        let total = loss_of(
-            input,
-            &self.network,
-            &self.source,
-            &self.state.spec.action_space.head_sizes(),
-            Some(&mut dropout),
-            &self.device,
-        );
-        let loss = total.clone().into_scalar::<f32>();
-        if !loss.is_finite() {
-            return Err(TrainingError::Diverged {
-                step: self.state.step + 1,
-                loss,
-                learning_rate: rate,
-            });
-        }
-        let gradients = GradientsParams::from_grads(total.backward(), &self.network);
-        self.network = self.optimiser.step(rate, self.network.clone(), gradients);
-        Ok(loss)
-    }
-
-    fn validate(&mut self, observer: &mut dyn TrainingObserver) -> BaselineValidation {
-        let device = self.device.clone().inner();
-        let fresh = network_of(&self.state.spec, &self.state.config, &device);
-        let network =
-            assign(fresh, &self.average.weights).expect("the averages are of this network");
-        let config = &self.state.config;
-        let held_out = &self.held_out;
-        let validation = held_out.evaluate(&network, self.data, &self.source, config, &device);
-        let best = self.state.best.map(|b| b.validation.loss);
-        let is_best = best.is_none_or(|loss| validation.loss < loss);
-        if is_best {
-            self.best.clone_from(&self.average.weights);
-            self.state.validations_without_gain = 0;
-            self.state.best = Some(BestBaseline {
-                step: self.state.step,
-                validation,
-            });
-        } else {
-            self.state.validations_without_gain += 1;
-        }
-        observer.notice(&TrainingEvent::BaselineValidated {
-            step: self.state.step,
-            validation,
-            is_best,
-        });
-        validation
-    }
-
     fn report(self, states_per_sec: f64) -> Result<BaselineReport, TrainingError> {
-        let unusable = |reason| unusable(self.folder, reason);
-        let (steps, spent_secs) = (self.state.step, self.state.spent_secs);
+        let unusable = |reason| Checkpoint::<BaselineState>::unusable(self.folder, reason);
+        let Progress {
+            step, spent_secs, ..
+        } = self.state.progress;
         let best = self
             .state
             .best
             .ok_or_else(|| unusable("it says finished without a validation".to_owned()))?;
-        let baseline = TrainedBaseline::with_weights(self.state, best, &self.best, self.frozen)
-            .map_err(unusable)?;
+        let baseline =
+            TrainedBaseline::with_weights(self.state, best, &self.learner.best, self.frozen)
+                .map_err(unusable)?;
         Ok(BaselineReport {
             baseline,
-            steps,
+            steps: step,
             spent_secs,
             states_per_sec,
         })
     }
 }
 
-fn row(step: u64, rate: f64, loss: f32, validation: Option<BaselineValidation>) -> String {
+impl Course for Run<'_> {
+    type Input = BatchInput;
+    type Validation = BaselineValidation;
+    type Network = BaselineNetwork;
+
+    fn pace(&self) -> Pace {
+        let config = &self.state.config;
+        Pace {
+            steps: config.steps,
+            max_minutes: config.max_minutes,
+            validate_every_steps: config.validate_every_steps,
+            checkpoint_every_steps: config.checkpoint_every_steps,
+            patience_validations: config.patience_validations,
+            optimiser: config.optimiser.clone(),
+        }
+    }
+
+    fn folder(&self) -> &Path {
+        self.folder
+    }
+
+    fn sizes(&self) -> Sizes {
+        Sizes {
+            training_states: self.training_states,
+            validation_states: self.held_out.state_count(),
+        }
+    }
+
+    fn progress(&mut self) -> &mut Progress {
+        &mut self.state.progress
+    }
+
+    fn learner(&mut self) -> &mut Learner<BaselineNetwork> {
+        &mut self.learner
+    }
+
+    fn states_of(input: &BatchInput) -> usize {
+        input.states
+    }
+
+    fn step(&mut self, input: BatchInput, rate: f64) -> Result<StepLosses, TrainingError> {
+        let mut dropout = Dropout::of_step(&self.state.config, self.state.progress.step);
+        let total = loss_of(
+            input,
+            &self.learner.network,
+            &self.source,
+            &self.state.spec.action_space.head_sizes(),
+            Some(&mut dropout),
+            &self.device,
+        );
+        let loss = total.clone().into_scalar::<f32>();
+        let step = self.state.progress.step + 1;
+        self.learner.descend(&total, loss, rate, step)?;
+        Ok(StepLosses {
+            total: loss,
+            policy: loss,
+            ..StepLosses::default()
+        })
+    }
+
+    fn validate(&mut self, observer: &mut dyn TrainingObserver) -> BaselineValidation {
+        let device = self.device.clone().inner();
+        let fresh = network_of(&self.state.spec, &self.state.config, &device);
+        let validation = self.held_out.evaluate(
+            &self.learner.averaged(fresh),
+            self.data,
+            &self.source,
+            &self.state.config,
+            &device,
+        );
+        let step = self.state.progress.step;
+        let best = self.state.best.map(|b| b.validation.loss);
+        let is_best = best.is_none_or(|loss| validation.loss < loss);
+        self.state.progress.note_validation(is_best);
+        if is_best {
+            self.learner.keep_average();
+            self.state.best = Some(BestBaseline { step, validation });
+        }
+        observer.notice(&TrainingEvent::BaselineValidated {
+            step,
+            validation,
+            is_best,
+        });
+        validation
+    }
+
+    fn note(
+        &mut self,
+        rate: f64,
+        losses: &StepLosses,
+        validation: Option<&BaselineValidation>,
+    ) -> Result<(), TrainingError> {
+        let row = row(self.state.progress.step, rate, losses.total, validation);
+        self.losses.add(&row, validation.is_some())
+    }
+
+    fn write_checkpoint(
+        &mut self,
+        observer: &mut dyn TrainingObserver,
+    ) -> Result<(), TrainingError> {
+        self.losses.flush()?;
+        let (state, step) = (self.state.clone(), self.state.progress.step);
+        self.learner
+            .write_checkpoint(state, step, self.folder, observer)
+    }
+}
+
+/// Refuses the checkpoint of another training. The time limit may be changed: it says when to stop, not what
+/// to learn.
+fn check_same(
+    found: &BaselineState,
+    wanted: &BaselineState,
+    folder: &Path,
+) -> Result<(), TrainingError> {
+    let mut config = found.config.clone();
+    config.max_minutes = wanted.config.max_minutes;
+    let differs = [
+        (config != wanted.config, "configurations"),
+        (
+            found.demonstrations != wanted.demonstrations,
+            "demonstrations",
+        ),
+        (
+            (&found.frozen, &found.spec) != (&wanted.frozen, &wanted.spec),
+            "frozen encoders",
+        ),
+    ];
+    match differs.into_iter().find(|(differs, _)| *differs) {
+        None => Ok(()),
+        Some((_, what)) => Err(TrainingError::CheckpointOfAnother {
+            path: Checkpoint::<BaselineState>::path(folder),
+            what,
+        }),
+    }
+}
+
+fn row(step: u64, rate: f64, loss: f32, validation: Option<&BaselineValidation>) -> String {
     let tail = validation.map_or_else(
         || ",".to_owned(),
         |v| format!("{:.5},{:.5}", v.loss, v.accuracy),

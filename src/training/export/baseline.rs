@@ -111,9 +111,3 @@ pub fn layer_norm(graph: &mut OnnxGraph, norm: &LayerNorm, x: &str, axis: usize)
     let scaled = graph.node("Mul", &[&even, &gain], &[]);
     graph.node("Add", &[&scaled, &bias], &[])
 }
-
-/// The values from `start` to before `end` along an axis.
-pub fn slice(graph: &mut OnnxGraph, x: &str, axis: usize, [start, end]: [usize; 2]) -> String {
-    let [start, end, axis] = [start, end, axis].map(|number| graph.shape(&[number]));
-    graph.node("Slice", &[x, &start, &end, &axis], &[])
-}

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::graphs;
 use crate::model::{
     ENCODER_FILE, MANIFEST_FILE, MODEL_FORMAT_VERSION, ModelManifest, POLICY_FILE, PROJECTION_FILE,
-    TRAVERSABILITY_FILE, TrainingRecord, sha256_hex,
+    TRAVERSABILITY_FILE, TrainingRecord, file_digests,
 };
 use crate::training::{TrainedModel, TrainingError};
 
@@ -67,10 +67,7 @@ fn manifest(
         spec: model.spec.clone(),
         projection_width: model.projection_width(),
         temperature: model.temperature,
-        files: files
-            .iter()
-            .map(|(name, bytes)| ((*name).to_owned(), sha256_hex(bytes)))
-            .collect(),
+        files: file_digests(files),
         training: TrainingRecord {
             config: serde_json::to_value(&model.config).expect("a configuration has a JSON form"),
             seed: model.config.seed,

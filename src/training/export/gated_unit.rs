@@ -1,4 +1,3 @@
-use super::baseline::slice;
 use super::graphs::dense;
 use super::onnx::OnnxGraph;
 use crate::training::baseline::GatedUnit;
@@ -15,7 +14,7 @@ pub fn gated_unit(
     let width = unit.width();
     let mut memory: Option<String> = None;
     for step in 0..steps {
-        let state = slice(graph, history, 1, [step * dim, (step + 1) * dim]);
+        let state = graph.columns(history, step * dim..(step + 1) * dim);
         let x = dense(graph, &unit.input, &state);
         // A memory of zeros leaves the bias alone.
         let h = match &memory {
@@ -30,8 +29,8 @@ pub fn gated_unit(
 /// `n + k * (h - n)` with the gates of what is seen and of what is remembered.
 fn next(graph: &mut OnnxGraph, x: &str, h: &str, memory: Option<&str>, width: usize) -> String {
     let mut parts = |index: usize| {
-        let range = [index * width, (index + 1) * width];
-        (slice(graph, x, 1, range), slice(graph, h, 1, range))
+        let range = index * width..(index + 1) * width;
+        (graph.columns(x, range.clone()), graph.columns(h, range))
     };
     let (reset, keep, new) = (parts(0), parts(1), parts(2));
     let mut gate = |(x, h): (String, String)| {

@@ -98,7 +98,7 @@ impl OnnxGraph {
         self.stored(&[dims.len()], INT64, &raw)
     }
 
-    /// Some columns of a value `[n, m]`.
+    /// A range of a value `[n, m, ...]` along its second axis.
     pub fn columns(&mut self, value: &str, range: std::ops::Range<usize>) -> String {
         let [first, end, axis] = [range.start, range.end, 1].map(|index| self.shape(&[index]));
         self.node("Slice", &[value, &first, &end, &axis], &[])

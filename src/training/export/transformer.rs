@@ -1,4 +1,4 @@
-use super::baseline::{layer_norm, slice};
+use super::baseline::layer_norm;
 use super::graphs::dense;
 use super::onnx::{Attribute, OnnxGraph};
 use crate::training::baseline::{Block, CausalTransformer};
@@ -28,7 +28,7 @@ pub fn transformer(
     for layer in &transformer.blocks {
         x = block(graph, layer, &x, &mask, &sizes);
     }
-    let last = slice(graph, &x, 1, [all - tokens, all]);
+    let last = graph.columns(&x, all - tokens..all);
     let mean = graph.node(
         "ReduceMean",
         &[&last],

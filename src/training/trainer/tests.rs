@@ -1,42 +1,7 @@
 use super::*;
-use crate::training::{Preset, SilentObserver, synthetic};
-
-/// Stops after some steps and counts events.
-#[derive(Default)]
-struct Counting {
-    steps: u64,
-    stop_after: Option<u64>,
-    first: f32,
-    last: f32,
-    validations: usize,
-}
-
-impl TrainingObserver for Counting {
-    fn notice(&mut self, event: &TrainingEvent) {
-        match event {
-            TrainingEvent::Step { losses, .. } => {
-                self.steps += 1;
-                self.last = losses.total;
-                if self.steps == 1 {
-                    self.first = losses.total;
-                }
-            }
-            TrainingEvent::Validated { .. } => self.validations += 1,
-            _ => {}
-        }
-    }
-
-    fn wants_stop(&mut self) -> bool {
-        self.stop_after.is_some_and(|s| self.steps >= s)
-    }
-}
-
-fn sets() -> [DemonstrationSet; 2] {
-    [
-        synthetic::demonstrations("a", 3, 12, 3),
-        synthetic::demonstrations("b", 3, 12, 4),
-    ]
-}
+use crate::training::synthetic::{self, Counting, sets};
+use crate::training::weights::{NamedWeights, collect};
+use crate::training::{Preset, SilentObserver};
 
 fn tiny(steps: u64) -> TrainingConfig {
     TrainingConfig {

@@ -51,6 +51,17 @@ impl Canvas {
         self.text.push('\n');
     }
 
+    /// Adds the title of a plot, at its upper left.
+    pub(super) fn heading(&mut self, title: &str) {
+        let set = Type {
+            size: 20.0,
+            weight: 600,
+            colour: INK,
+            anchor: "start",
+        };
+        self.text(24.0, 40.0, set, title);
+    }
+
     /// Adds a text with a white rim, so that it can be read on top of lines.
     pub(super) fn text(&mut self, x: f32, y: f32, set: Type, text: &str) {
         let Type {

@@ -33,13 +33,7 @@ pub fn curves_svg(panels: &[Panel], title: &str, across: &str) -> String {
     let bottom = TOP + HEIGHT;
     let height = bottom + 56.0 + LEGEND_ROW * names.div_ceil(3) as f32;
     let mut canvas = Canvas::new(WIDTH * panels.len().max(1) as f32, height);
-    let heading = Type {
-        size: 20.0,
-        weight: 600,
-        colour: INK,
-        anchor: "start",
-    };
-    canvas.text(24.0, 40.0, heading, title);
+    canvas.heading(title);
     for (index, panel) in panels.iter().enumerate() {
         draw(&mut canvas, panel, index as f32 * WIDTH, across);
     }

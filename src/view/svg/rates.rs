@@ -30,13 +30,7 @@ const RIGHT: f32 = 70.0;
 pub fn rates_svg(rates: &[Rate], title: &str, compared: Option<(&str, f64)>) -> String {
     let bottom = TOP + rates.len() as f32 * ROW;
     let mut canvas = Canvas::new(WIDTH, bottom + 64.0);
-    let heading = Type {
-        size: 20.0,
-        weight: 600,
-        colour: INK,
-        anchor: "start",
-    };
-    canvas.text(24.0, 40.0, heading, title);
+    canvas.heading(title);
     let widths = rates.iter().map(|r| text_width(&r.label, LABEL_SIZE));
     let left = 48.0 + widths.fold(0.0, f32::max);
     let at = |share: f64| left + share as f32 * (WIDTH - RIGHT - left);
