@@ -51,10 +51,10 @@ pub fn curves_svg(panels: &[Panel], title: &str, across: &str) -> String {
 }
 
 fn draw(canvas: &mut Canvas, panel: &Panel, start: f32, across: &str) {
-    let settled = panel
-        .lines
-        .iter()
-        .flat_map(|(_, points)| points.iter().skip(1));
+    let settled = panel.lines.iter().flat_map(|(_, points)| {
+        let first = usize::from(points.len() > 1);
+        points.iter().skip(first)
+    });
     let (low, high) = range(settled.map(|p| p[1]));
     let (first, last) = range(
         panel
@@ -107,6 +107,10 @@ fn draw(canvas: &mut Canvas, panel: &Panel, start: f32, across: &str) {
             path.join("L"),
             palette::task(index).hex()
         ));
+        // A line of one point would not be seen.
+        if let Some(last) = points.last() {
+            canvas.circle([x(last[0]), y(last[1])], 4.0, palette::task(index));
+        }
     }
 }
 
@@ -176,5 +180,20 @@ mod tests {
         for panels in [vec![], vec![one]] {
             assert!(!curves_svg(&panels, "Losses", "steps").contains("NaN"));
         }
+    }
+
+    #[test]
+    fn lines_of_one_point_are_seen_apart() {
+        let line = |name: &str, loss| (name.to_owned(), vec![[200.0, loss]]);
+        let panel = Panel {
+            label: "loss".to_owned(),
+            lines: vec![line("ours", 2.0), line("theirs", 3.0)],
+        };
+        let svg = curves_svg(&[panel], "Losses", "steps");
+        let height = |y: f32| format!("<circle cx=\"{LEFT:.1}\" cy=\"{y:.1}\"");
+        assert!(
+            svg.contains(&height(TOP + HEIGHT)) && svg.contains(&height(TOP)),
+            "{svg}"
+        );
     }
 }
