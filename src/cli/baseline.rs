@@ -51,7 +51,7 @@ pub(super) fn train_method(
             pictures.mean,
             pictures.deviation,
             pictures.feature_dim,
-            encoder.engine().description(),
+            encoder.engine().name(),
         );
     }
     if !run_folder.join(CHECKPOINT).exists() {
@@ -136,7 +136,7 @@ pub(super) fn baseline_evaluation(
         &composition.name,
         &format!("{:?}", room.level).to_lowercase(),
         evaluate_arguments.seed,
-        baseline.engine().description(),
+        baseline.engine().name(),
         &subgoals,
         results,
     ))

@@ -57,7 +57,7 @@ pub(super) fn evaluation(
         &loaded.composition.name,
         &level,
         evaluate_arguments.seed,
-        loaded.model.engine().description(),
+        loaded.model.engine().name(),
         &subgoals,
         results,
     ))

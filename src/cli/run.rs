@@ -131,7 +131,7 @@ pub(super) fn run(run_arguments: &RunArguments, arguments: &Arguments) -> Result
         result,
         events: episode.events,
         step_median_ms: times.get(times.len() / 2).copied().unwrap_or(0.0),
-        engine: loaded.model.engine().description().to_owned(),
+        engine: loaded.model.engine().name().to_owned(),
         model: loaded.model.digest(),
         resumed: room.resumed,
         files: names.map(PathBuf::from).to_vec(),

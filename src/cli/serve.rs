@@ -27,7 +27,7 @@ pub(super) fn serve(
         description: composition.description.clone().unwrap_or_default(),
         model: loaded.model.digest(),
         graphs: graph_digests(composition)?,
-        engine: loaded.model.engine().description().to_owned(),
+        engine: loaded.model.engine().name().to_owned(),
     };
     let spec = &loaded.model.manifest().spec;
     let cameras: Vec<String> = spec

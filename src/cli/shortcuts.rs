@@ -109,7 +109,7 @@ pub(super) fn evaluate_shortcuts(
         episodes: results.len(),
         detection: detection(results.iter()),
         drives: drives.iter().map(|d| of_drive(*d, &results)).collect(),
-        engine: loaded.model.engine().description().to_owned(),
+        engine: loaded.model.engine().name().to_owned(),
         results,
     };
     if evaluate_arguments.json {

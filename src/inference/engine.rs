@@ -63,7 +63,8 @@ impl fmt::Display for EngineKind {
 #[derive(Debug)]
 pub struct Engine {
     kind: EngineKind,
-    description: String,
+    name: String,
+    origin: String,
     environment: Environment,
 }
 
@@ -99,15 +100,26 @@ impl Engine {
         self.kind
     }
 
-    /// Name, version and origin, for people.
+    /// Name and version: what results hold.
     #[must_use]
-    pub fn description(&self) -> &str {
-        &self.description
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Name, version, and the file or the reason that it is this one: for the person at this machine.
+    #[must_use]
+    pub fn description(&self) -> String {
+        format!("{} {}", self.name, self.origin)
     }
 
     fn start(choice: EngineChoice) -> Result<Self, InferenceError> {
         let named = std::env::var_os("ORT_DYLIB_PATH").filter(|path| !path.is_empty());
-        let (api, kind, description) = match choice {
+        let Started {
+            api,
+            kind,
+            name,
+            origin,
+        } = match choice {
             EngineChoice::Tract => tract("asked for"),
             EngineChoice::Native | EngineChoice::Auto => match native(named) {
                 Ok(found) => found,
@@ -134,7 +146,8 @@ impl Engine {
             .map_err(|e| failed(e.to_string()))?;
         Ok(Self {
             kind,
-            description,
+            name,
+            origin,
             environment,
         })
     }
@@ -166,11 +179,20 @@ impl Engine {
     }
 }
 
-type Started = (ort::sys::OrtApi, EngineKind, String);
+struct Started {
+    api: ort::sys::OrtApi,
+    kind: EngineKind,
+    name: String,
+    origin: String,
+}
 
 fn tract(why: &str) -> Started {
-    let description = format!("tract, compiled in ({why})");
-    (ort_tract::api(), EngineKind::Tract, description)
+    Started {
+        api: ort_tract::api(),
+        kind: EngineKind::Tract,
+        name: "tract".to_owned(),
+        origin: format!("compiled in ({why})"),
+    }
 }
 
 fn native(named: Option<OsString>) -> Result<Started, InferenceError> {
@@ -191,8 +213,12 @@ fn native(named: Option<OsString>) -> Result<Started, InferenceError> {
 
 fn open(path: &Path) -> Result<Started, String> {
     let api = loader::load(path)?;
-    let description = format!("ONNX Runtime {} from {}", api.version, path.display());
-    Ok((api.table, EngineKind::Native, description))
+    Ok(Started {
+        api: api.table,
+        kind: EngineKind::Native,
+        name: format!("ONNX Runtime {}", api.version),
+        origin: format!("from {}", path.display()),
+    })
 }
 
 /// Files next to the executable first, then names that the system's loader resolves.

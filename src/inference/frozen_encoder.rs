@@ -231,7 +231,7 @@ fn measured_dim(
     let pixels = vec![0.0; 3 * pictures.height as usize * pictures.width as usize];
     let features =
         run(network, pictures, &pixels).map_err(|error| InferenceError::EngineFailed {
-            engine: engine.description().to_owned(),
+            engine: engine.description(),
             place: path.display().to_string(),
             reason: error.to_string(),
         })?;

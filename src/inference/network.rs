@@ -43,7 +43,7 @@ impl Network {
         let session = engine
             .session(&bytes)
             .map_err(|reason| InferenceError::EngineFailed {
-                engine: engine.description().to_owned(),
+                engine: engine.description(),
                 place: path.display().to_string(),
                 reason,
             })?;

@@ -139,7 +139,7 @@ fn measure(
         &loaded.composition.name,
         &format!("{:?}", bedroom.level).to_lowercase(),
         evaluated.seed,
-        loaded.model.engine().description(),
+        loaded.model.engine().name(),
         &names,
         results,
     );
