@@ -249,12 +249,16 @@ impl TrainingObserver for Printer {
                 ..
             } => {
                 let line = format!(
-                    "step {step:>6}: held out: traversability loss {:.3}, {:.1} % right; policy loss {:.3}, {:.1} % right, across {}{}",
+                    "step {step:>6}: held out: traversability loss {:.3}, {:.1} % right; policy loss {:.3}, {:.1} % right, across {}{}{}",
                     metrics.traversability_loss,
                     100.0 * metrics.traversability_accuracy,
                     metrics.policy_loss,
                     100.0 * metrics.policy_accuracy,
                     percent(metrics.policy_accuracy_across),
+                    (metrics.motion_explained).map_or_else(String::new, |e| format!(
+                        "; motion to go {:.1} % explained",
+                        100.0 * e
+                    )),
                     if *is_best { "  (best)" } else { "" },
                 );
                 self.print(line);

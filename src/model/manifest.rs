@@ -142,6 +142,10 @@ pub struct ValidationMetrics {
     /// demonstration missed a grasp.
     #[serde(default)]
     pub missed_grasp_wormhole_rate: Option<f64>,
+    /// Share of the variance of the motion to go that its head explains, the mean of all axes along which the
+    /// demonstrations move; `None` where it was not learnt.
+    #[serde(default)]
+    pub motion_explained: Option<f64>,
 }
 
 impl ModelManifest {

@@ -69,6 +69,9 @@ pub struct Mirror {
 }
 
 impl Mirror {
+    /// A batch that is as it was.
+    pub const NONE: Self = Self { classes: None };
+
     /// Draws for a batch. Nothing is drawn where no batch ever is mirrored.
     ///
     /// # Panics
@@ -79,6 +82,11 @@ impl Mirror {
         Self {
             classes: is_mirrored.then(classes),
         }
+    }
+
+    /// Whether a class of the one head stands for another in this batch.
+    pub fn turns(&self, class: usize) -> bool {
+        (self.classes.as_ref()).is_some_and(|other_side| other_side[class] != class)
     }
 
     /// Mirrors the classes of the one head, if the batch is mirrored.

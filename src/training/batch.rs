@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::augmentation::{Mirror, Variation, vary};
 use super::loss::Targets;
 use super::masks::{MaskSizes, MaskValues};
+use super::motion_to_go::{MotionTargets, MotionToGo};
 use super::patches::PatchGrid;
 use super::sampler::Sampler;
 use super::{ChannelNormalisation, Dataset, EncoderConfig, TrainingConfig};
@@ -106,6 +107,8 @@ pub struct StepInput {
     pub masks: MaskValues,
     /// Pairs with their classes and weights.
     pub targets: Targets,
+    /// What the robot still does from the states.
+    pub motion: MotionTargets,
 }
 
 /// Makes the input of a step from the seed and the step's number alone, so that a training that was
@@ -115,6 +118,8 @@ pub struct Batcher<'a> {
     pub data: &'a Dataset,
     /// Draws states and pairs.
     pub sampler: Sampler,
+    /// What the robot still does from each state; empty where that is not learnt.
+    pub motion: MotionToGo,
     /// The cameras.
     pub pictures: &'a Pictures,
     /// The training's configuration.
@@ -137,6 +142,7 @@ impl Batcher<'_> {
         let variations = vary(augmentation, cameras, &draw.window_of, &mirror, &mut rng);
         let mut targets = Targets::of(&draw, self.data, self.config);
         mirror.change(&mut targets.policy.classes);
+        let motion = self.motion.targets(&draw.states, &mirror);
         let network = &self.config.network;
         let joins_pixels = network.variant.joins_pixels();
         if joins_pixels {
@@ -176,6 +182,7 @@ impl Batcher<'_> {
             patches,
             masks,
             targets,
+            motion,
         }
     }
 }

@@ -16,6 +16,11 @@ pub struct TrainingConfig {
     pub far_weight: f32,
     /// Weight of the policy loss (the paper's alpha).
     pub policy_weight: f32,
+    /// Weight of an auxiliary loss: each state is to tell what the robot still does, along each pair of primitives
+    /// that undo each other, before its gripper next closes or opens. So encoders learn how far aside, ahead and
+    /// above the thing lies that is to be taken, from every state on the way to it. 0 is the paper's way. Networks that
+    /// join two states in their pixels have no latent of a state and go without.
+    pub motion_weight: f32,
     /// Share of the demonstrations of each task that is held out; at least one in all.
     pub validation_share: f64,
     /// Number of optimiser steps.
@@ -55,6 +60,8 @@ pub struct NetworkConfig {
     pub projection_width: usize,
     /// Width of the second layer of both heads.
     pub hidden_width: usize,
+    /// Width of the hidden layer that tells the motion to go ([`TrainingConfig::motion_weight`]).
+    pub motion_width: usize,
     /// Probability with which a value of a head's layer is set to 0 while training.
     pub dropout: f64,
 }
@@ -168,6 +175,7 @@ impl Default for TrainingConfig {
             d_max: 5,
             far_weight: 5.0,
             policy_weight: 5.0,
+            motion_weight: 0.0,
             validation_share: 0.1,
             steps: 5_000,
             validate_every_steps: 250,
@@ -191,6 +199,7 @@ impl Default for NetworkConfig {
             encoder: EncoderConfig::default(),
             projection_width: 256,
             hidden_width: 128,
+            motion_width: 64,
             dropout: 0.3,
         }
     }
@@ -272,6 +281,12 @@ impl TrainingConfig {
             "checkpoint_every_steps",
             self.checkpoint_every_steps,
             "it must be 1 or more",
+        )?;
+        demand(
+            self.motion_weight >= 0.0,
+            "motion_weight",
+            self.motion_weight,
+            "it must be 0 or more",
         )?;
         check_validation_share(self.validation_share)?;
         encoder.check_stem("network.encoder.stem_kernel")?;

@@ -58,6 +58,17 @@ pub enum TrainingError {
         /// The actions, printed.
         space: String,
     },
+    /// The motion to go is to be learnt of actions that have none.
+    #[error(
+        "motion_weight is {weight}, but {space} have no motion to go: that needs primitives that undo each other, such \
+         as `up` and `down`, and `gripper_close` or `gripper_open`; set motion_weight to 0"
+    )]
+    NoMotionToGo {
+        /// The weight.
+        weight: f32,
+        /// The actions, printed.
+        space: String,
+    },
     /// Two sets have different action spaces.
     #[error(
         "set '{set}' has {found}, set '{first_set}' has {expected}; one model needs one action space"

@@ -2,9 +2,11 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 
+use super::augmentation::Mirror;
 use super::batch::Pictures;
 use super::held_out_pairs::{across, far_pairs, look_alikes, missed_grasps};
 use super::loss::{indices, near_class, near_class_weights};
+use super::motion_to_go::{MotionTargets, MotionToGo};
 use super::network::HeadKind;
 use super::{Dataset, LatentFlowNetwork, StateRef, TrainingConfig, TrainingError};
 use crate::model::{ValidationMetrics, best_temperature};
@@ -32,6 +34,8 @@ pub struct ValidationSet {
     missed_grasps: Vec<(u32, u32)>,
     /// States with goal states of the same phase in other held-out trajectories.
     across: Vec<(u32, u32)>,
+    /// The motion to go of the states that have one.
+    motion: MotionTargets,
 }
 
 /// What a validation found.
@@ -93,6 +97,8 @@ impl ValidationSet {
             look_alikes,
             missed_grasps: missed_grasps(data, trajectories, &states, config),
             across: across(data, trajectories, &states, config),
+            motion: MotionToGo::find(data, trajectories, &config.imitation)
+                .targets(&states, &Mirror::NONE),
             states,
         })
     }
@@ -145,6 +151,8 @@ impl ValidationSet {
             let (_, accuracy) = self.policy(&logits, &self.across, data);
             metrics.policy_accuracy_across = Some(accuracy);
         }
+        metrics.motion_explained =
+            (network.motion_of(&latents)).and_then(|told| self.motion_explained(&told));
         let accuracy = metrics
             .policy_accuracy_across
             .unwrap_or(metrics.policy_accuracy);
@@ -153,6 +161,31 @@ impl ValidationSet {
             metrics,
             temperature: temperature as f32,
         }
+    }
+
+    /// Share of the variance of the motion to go that is told rightly, the mean of the axes that vary.
+    fn motion_explained(&self, told: &Tensor<2>) -> Option<f64> {
+        let rows = indices(&self.motion.rows, &told.device());
+        let told = values(told.clone().select(0, rows));
+        let count = self.motion.rows.len();
+        let axes = told.len().checked_div(count)?;
+        let column = |values: &[f32], axis: usize| -> Vec<f64> {
+            let column = values.iter().skip(axis).step_by(axes);
+            column.map(|v| f64::from(*v)).collect()
+        };
+        let shares: Vec<f64> = (0..axes)
+            .filter_map(|axis| {
+                let wanted = column(&self.motion.values, axis);
+                let mean = wanted.iter().sum::<f64>() / count as f64;
+                let spread: f64 = wanted.iter().map(|w| (w - mean).powi(2)).sum();
+                let told = column(&told, axis);
+                let error: f64 = (wanted.iter().zip(told))
+                    .map(|(w, t)| (w - t).powi(2))
+                    .sum();
+                (spread > 0.0).then(|| 1.0 - error / spread)
+            })
+            .collect();
+        (!shares.is_empty()).then(|| shares.iter().sum::<f64>() / shares.len() as f64)
     }
 
     fn loss(&self, logits: &[f32], d_max: usize, temperature: f64) -> f64 {

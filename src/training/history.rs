@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use super::{StepLosses, TrainingError};
 use crate::model::ValidationMetrics;
 
-const HEADER: &str = "step,learning_rate,total,near,far,policy,validation_traversability_loss,\
+const HEADER: &str = "step,learning_rate,total,near,far,policy,motion,validation_traversability_loss,\
 validation_traversability_accuracy,validation_wormhole_rate,validation_look_alike_wormhole_rate,validation_policy_loss,\
-validation_policy_accuracy,validation_policy_accuracy_across\n";
+validation_policy_accuracy,validation_policy_accuracy_across,validation_motion_explained\n";
 
 /// The losses of a training as `losses.csv` in its run folder, a row a step.
 pub struct History {
@@ -41,25 +41,27 @@ impl History {
             near,
             far,
             policy,
+            motion,
         } = losses;
         let tail = validation.map_or_else(
-            || ",,,,,,".to_owned(),
+            || ",,,,,,,".to_owned(),
             |v| {
                 format!(
-                    "{:.5},{:.5},{:.5},{:.5},{:.5},{:.5},{}",
+                    "{:.5},{:.5},{:.5},{:.5},{:.5},{:.5},{},{}",
                     v.traversability_loss,
                     v.traversability_accuracy,
                     v.wormhole_rate,
                     v.look_alike_wormhole_rate,
                     v.policy_loss,
                     v.policy_accuracy,
-                    v.policy_accuracy_across
-                        .map_or_else(String::new, |a| format!("{a:.5}"))
+                    optional(v.policy_accuracy_across),
+                    optional(v.motion_explained),
                 )
             },
         );
-        let row =
-            format!("{step},{learning_rate:.3e},{total:.5},{near:.5},{far:.5},{policy:.5},{tail}");
+        let row = format!(
+            "{step},{learning_rate:.3e},{total:.5},{near:.5},{far:.5},{policy:.5},{motion:.5},{tail}"
+        );
         self.table.add(&row, validation.is_some())
     }
 
@@ -70,6 +72,11 @@ impl History {
     pub fn flush(&mut self) -> Result<(), TrainingError> {
         self.table.flush()
     }
+}
+
+/// A figure that there may be.
+fn optional(figure: Option<f64>) -> String {
+    figure.map_or_else(String::new, |f| format!("{f:.5}"))
 }
 
 /// `losses.csv` of any training: rows that begin with their step.
@@ -156,6 +163,6 @@ mod tests {
         let text = fs::read_to_string(&path).unwrap();
         let steps: Vec<_> = text.lines().skip(1).map(|l| &l[..1]).collect();
         assert_eq!(steps, ["1", "2", "3", "4"]);
-        assert!(text.ends_with("0.00000,\n"));
+        assert!(text.ends_with("0.00000,,\n"));
     }
 }

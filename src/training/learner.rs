@@ -2,12 +2,13 @@ use std::path::Path;
 
 use burn::grad_clipping::GradientClippingConfig;
 use burn::module::Module;
-use burn::optim::{AdamWConfig, GradientsParams, ModuleOptimizer};
+use burn::optim::{AdamWConfig, ModuleOptimizer};
 use burn::tensor::{Bytes, Tensor};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::checkpoint::Checkpoint;
+use super::encodings::{Encodings, gradients_of};
 use super::weights::{Average, NamedWeights, assign, collect};
 use super::{OptimiserConfig, TrainingError, TrainingEvent, TrainingObserver};
 
@@ -39,13 +40,15 @@ impl<M: Module> Learner<M> {
         self.average.update(&self.network, step);
     }
 
-    /// Changes the weights against the gradient of `total`, whose value is `loss`, in a step counted from 1.
+    /// Changes the weights against the gradient of `total`, whose value is `loss` and which was computed from
+    /// `encodings`, in a step counted from 1.
     ///
     /// # Errors
     /// [`TrainingError::Diverged`] when the loss is no number any more.
     pub fn descend(
         &mut self,
         total: &Tensor<1>,
+        encodings: &Encodings,
         loss: f32,
         learning_rate: f64,
         step: u64,
@@ -57,7 +60,7 @@ impl<M: Module> Learner<M> {
                 learning_rate,
             });
         }
-        let gradients = GradientsParams::from_grads(total.backward(), &self.network);
+        let gradients = gradients_of(total, encodings, &self.network);
         self.network = (self.optimiser).step(learning_rate, self.network.clone(), gradients);
         Ok(())
     }

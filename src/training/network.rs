@@ -6,12 +6,14 @@ mod encoder;
 mod head;
 mod initialiser;
 mod keypoints;
+mod motion_head;
 
 pub use convolution::StandardisedConvolution;
 pub use encoder::{CameraEncoder, ResidualBlock, Stage, feature_maps};
 pub use head::{Dense, FlowHead};
 pub use initialiser::Initialiser;
 pub use keypoints::{Keypoints, coordinate_values};
+pub use motion_head::MotionHead;
 
 use burn::module::Module;
 use burn::tensor::activation::relu;
@@ -19,6 +21,7 @@ use burn::tensor::{Device, Tensor};
 
 use super::NetworkConfig;
 use super::patches::PatchGrid;
+use crate::training::encodings::beside_each_other;
 use crate::training::masks::HeadMasks;
 
 /// Encoders of all cameras and the two heads.
@@ -34,6 +37,8 @@ pub struct LatentFlowNetwork {
     pub traversability: FlowHead,
     /// Predicts the action of a pair; the classes of all action dimensions one after another.
     pub policy: FlowHead,
+    /// Tells the motion to go, which joins the latents; none where it is not learnt.
+    pub motion: Option<MotionHead>,
 }
 
 /// One of the two heads.
@@ -56,17 +61,21 @@ pub struct PairMasks<'a> {
 
 impl LatentFlowNetwork {
     /// A network with random weights: the same seed gives the same weights.
+    ///
+    /// `motion_axes` is how many values the motion to go has; 0 leaves its head out.
     #[must_use]
     pub fn new(
         grids: &[PatchGrid],
         config: &NetworkConfig,
         d_max: usize,
         action_classes: usize,
+        motion_axes: usize,
         seed: u64,
         device: &Device,
     ) -> Self {
         let mut init = Initialiser::new(seed, device);
-        let latent_dim = grids.len() * config.encoder.latent_dim;
+        let encoded = grids.len() * config.encoder.latent_dim;
+        let latent_dim = encoded + motion_axes;
         Self {
             encoders: grids
                 .iter()
@@ -74,6 +83,8 @@ impl LatentFlowNetwork {
                 .collect(),
             traversability: FlowHead::new(latent_dim, config, d_max, &mut init),
             policy: FlowHead::new(latent_dim, config, action_classes, &mut init),
+            motion: (motion_axes > 0)
+                .then(|| MotionHead::new(encoded, config.motion_width, motion_axes, &mut init)),
         }
     }
 
@@ -93,7 +104,7 @@ impl LatentFlowNetwork {
     }
 
     /// Latents `[states, latent_dim]` from the patches of each camera (`[states, positions, patch_len]`):
-    /// cameras one after another. Where states are joined in their pixels, all cameras' maps of the states
+    /// cameras one after another, then the motion to go where it is learnt. Where states are joined in their pixels, all cameras' maps of the states
     /// as those that are left, then all of them as those to be reached. `block_masks` switch residual blocks
     /// off while training.
     #[must_use]
@@ -102,20 +113,44 @@ impl LatentFlowNetwork {
         patches: Vec<Tensor<3>>,
         block_masks: Option<&[Vec<Tensor<4>>]>,
     ) -> Tensor<2> {
-        let each = self.encoders.iter().zip(patches);
         if self.joins_pixels() {
-            let (left, reached): (Vec<_>, Vec<_>) = each
+            let (left, reached): (Vec<_>, Vec<_>) = (self.encoders.iter().zip(patches))
                 .map(|(encoder, patches)| encoder.both_maps(patches))
                 .unzip();
             return Tensor::cat([left, reached].concat(), 1);
         }
-        let latents = each
-            .enumerate()
-            .map(|(camera, (encoder, patches))| {
-                encoder.forward(patches, block_masks.map(|m| m[camera].as_slice()))
-            })
-            .collect();
-        Tensor::cat(latents, 1)
+        let encode = |camera| self.encode_camera(camera, &patches, block_masks);
+        let latents = beside_each_other(self.encoders.len(), encode);
+        self.with_motion(Tensor::cat(latents, 1))
+    }
+
+    /// What the encoder of one camera makes of its patches, where states are not joined in their pixels.
+    #[must_use]
+    pub fn encode_camera(
+        &self,
+        camera: usize,
+        patches: &[Tensor<3>],
+        block_masks: Option<&[Vec<Tensor<4>>]>,
+    ) -> Tensor<2> {
+        let masks = block_masks.map(|m| m[camera].as_slice());
+        self.encoders[camera].forward(patches[camera].clone(), masks)
+    }
+
+    /// The motion to go added to what the encoders made of states, where it is learnt.
+    #[must_use]
+    pub fn with_motion(&self, encoded: Tensor<2>) -> Tensor<2> {
+        match &self.motion {
+            Some(head) => Tensor::cat(vec![encoded.clone(), head.forward(encoded)], 1),
+            None => encoded,
+        }
+    }
+
+    /// The motion to go that latents hold, `[n, axes]`; none where it is not learnt.
+    #[must_use]
+    pub fn motion_of(&self, latents: &Tensor<2>) -> Option<Tensor<2>> {
+        let axes = self.motion.as_ref()?.axes();
+        let [_, width] = latents.dims();
+        Some(latents.clone().narrow(1, width - axes, axes))
     }
 
     /// What each state brings to a pair when it is left, and when it is to be reached: `[states, width]`

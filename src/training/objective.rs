@@ -1,16 +1,20 @@
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{Device, Tensor, TensorData};
 
 use super::batch::{Pictures, StepInput};
+use super::encodings::Encodings;
 use super::loss::{WeightedPairs, cross_entropies, indices, policy_entropies, weights};
+use super::motion_to_go::MotionTargets;
 use super::network::{HeadKind, PairMasks};
 use super::{LatentFlowNetwork, StepLosses, TrainingConfig};
 
 /// The objective of a step, ready for its gradient.
 pub struct Objective {
-    /// `J_traversability + alpha * J_policy`.
+    /// `J_traversability + alpha * J_policy`, and the auxiliary loss where there is one.
     pub total: Tensor<1>,
     /// Its parts as numbers.
     pub losses: StepLosses,
+    /// What the encoders made of the states.
+    pub encodings: Encodings,
 }
 
 impl Objective {
@@ -25,7 +29,13 @@ impl Objective {
     ) -> Self {
         let blocks = input.masks.blocks.tensors(device);
         let patches = pictures.tensors(input.patches, input.states, device);
-        let latents = network.encode(patches, Some(&blocks));
+        let encodings = if network.joins_pixels() {
+            Encodings::uncut(network.encode(patches, Some(&blocks)))
+        } else {
+            let encode = |camera| network.encode_camera(camera, &patches, Some(&blocks));
+            Encodings::of(patches.len(), encode)
+        };
+        let latents = network.with_motion(encodings.latents());
 
         let targets = &input.targets;
         let pairs = &targets.traversability;
@@ -51,7 +61,15 @@ impl Objective {
             (entropies * weights(&pairs.weights, device)).sum()
         };
 
-        let total = near.clone() + far.clone() + policy.clone() * config.policy_weight;
+        let motion = match network.motion_of(&latents) {
+            Some(told) if !input.motion.rows.is_empty() => motion_error(&told, &input.motion),
+            _ => Tensor::zeros([1], device),
+        };
+
+        let total = near.clone()
+            + far.clone()
+            + policy.clone() * config.policy_weight
+            + motion.clone() * config.motion_weight;
         let policy_share = pairs.weights.iter().sum::<f32>().max(f32::MIN_POSITIVE);
         Self {
             losses: StepLosses {
@@ -59,8 +77,10 @@ impl Objective {
                 near: near.into_scalar::<f32>() / 0.5,
                 far: far.into_scalar::<f32>() / (0.5 * config.far_weight),
                 policy: policy.into_scalar::<f32>() / policy_share,
+                motion: motion.into_scalar::<f32>(),
             },
             total,
+            encodings,
         }
     }
 }
@@ -77,6 +97,15 @@ fn score(
     let from = from.select(0, indices(&pairs.from, &device));
     let to = to.select(0, indices(&pairs.to, &device));
     network.score(head, from, to, Some(masks))
+}
+
+/// Mean over states and axes of the squared error of the motion to go.
+fn motion_error(told: &Tensor<2>, targets: &MotionTargets) -> Tensor<1> {
+    let device = told.device();
+    let told = told.clone().select(0, indices(&targets.rows, &device));
+    let wanted = TensorData::new(targets.values.clone(), told.dims());
+    let error = told - Tensor::from_data(wanted, &device);
+    (error.clone() * error).mean()
 }
 
 fn sum_of(values: &Tensor<1>, start: usize, end: usize, device: &Device) -> Tensor<1> {

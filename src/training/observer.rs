@@ -13,6 +13,8 @@ pub struct StepLosses {
     pub far: f32,
     /// Cross-entropy of the actions.
     pub policy: f32,
+    /// Mean squared error of the motion to go; 0 where it is not learnt.
+    pub motion: f32,
 }
 
 /// What happens during a training.

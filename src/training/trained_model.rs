@@ -4,6 +4,7 @@ use burn::tensor::Device;
 
 use super::batch::Pictures;
 use super::checkpoint::{BestSoFar, Checkpoint};
+use super::motion_to_go::axes;
 use super::patches::PatchGrid;
 use super::weights::{NamedWeights, assign, collect, weight_count};
 use super::{ChannelNormalisation, Dataset, LatentFlowNetwork, TrainingConfig, TrainingError};
@@ -124,6 +125,7 @@ pub(super) fn spec_of(data: &Dataset, config: &TrainingConfig) -> ModelSpec {
         d_max: config.d_max,
         latent_dim: data.cameras().len() * network.encoder.latent_dim,
     };
+    spec.latent_dim += motion_axes(&spec, config);
     if network.variant.joins_pixels() {
         let grids = grids_of(&spec, config);
         let positions: usize = grids.iter().map(PatchGrid::positions).sum();
@@ -158,7 +160,17 @@ pub(super) fn network_of(
         &config.network,
         spec.d_max,
         spec.action_space.head_sizes().iter().sum(),
+        motion_axes(spec, config),
         config.seed,
         device,
     )
+}
+
+/// How many values the motion to go has that a network is to tell; 0 where it is to tell none.
+fn motion_axes(spec: &ModelSpec, config: &TrainingConfig) -> usize {
+    if config.motion_weight > 0.0 && !config.network.variant.joins_pixels() {
+        axes(&spec.action_space).len()
+    } else {
+        0
+    }
 }

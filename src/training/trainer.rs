@@ -9,6 +9,7 @@ use super::course::{self, Course, Pace, Progress, Sizes};
 use super::evaluation::ValidationSet;
 use super::history::History;
 use super::learner::Learner;
+use super::motion_to_go::{MotionToGo, check_motion};
 use super::objective::Objective;
 use super::sampler::Sampler;
 use super::trained_model::{network_of, pictures_of, spec_of};
@@ -79,6 +80,7 @@ struct Run<'a> {
     device: Device,
     pictures: Pictures,
     batches: Sampler,
+    motion: MotionToGo,
     validation: ValidationSet,
     training_states: usize,
     learner: Learner<LatentFlowNetwork>,
@@ -94,6 +96,7 @@ impl<'a> Run<'a> {
         device: &Device,
     ) -> Result<Self, TrainingError> {
         check_mirror(&config.augmentation, data.action_space())?;
+        check_motion(config, data)?;
         let split = data.split(config.validation_share, config.seed);
         let batches = Sampler::new(
             data,
@@ -124,6 +127,7 @@ impl<'a> Run<'a> {
             device,
             pictures,
             batches,
+            motion: MotionToGo::find(data, &split.training, &config.imitation),
             validation,
             training_states: data.states_of(&split.training).count(),
             learner: Learner::new(network, &config.optimiser),
@@ -166,6 +170,7 @@ impl<'a> Run<'a> {
         let batcher = Batcher {
             data: self.data,
             sampler: self.batches.clone(),
+            motion: self.motion.clone(),
             pictures: &pictures,
             config: &config,
         };
@@ -237,7 +242,11 @@ impl Course for Run<'_> {
     }
 
     fn step(&mut self, input: StepInput, rate: f64) -> Result<StepLosses, TrainingError> {
-        let Objective { total, losses } = Objective::of(
+        let Objective {
+            total,
+            losses,
+            encodings,
+        } = Objective::of(
             input,
             &self.learner.network,
             &self.pictures,
@@ -246,7 +255,8 @@ impl Course for Run<'_> {
             &self.device,
         );
         let step = self.state.progress.step + 1;
-        self.learner.descend(&total, losses.total, rate, step)?;
+        self.learner
+            .descend(&total, &encodings, losses.total, rate, step)?;
         Ok(losses)
     }
 

@@ -6,7 +6,9 @@ use std::sync::Arc;
 use super::near;
 use crate::inference::{EngineChoice, Model};
 use crate::model::{Encoder, LocalPolicy, Traversability};
-use crate::training::{Dataset, NetworkVariant, Preset, ReferenceOutputs, TrainedModel, export};
+use crate::training::{
+    Dataset, NetworkVariant, Preset, ReferenceOutputs, TrainedModel, TrainingConfig, export,
+};
 use crate::trajectory::{
     Action, ActionSpace, DemonstrationSet, Image, Observation, State, Step, Trajectory,
 };
@@ -60,18 +62,16 @@ pub fn assert_near(what: &str, found: &[f32], expected: &[f32]) {
 
 /// A folder with an exported network of random weights, the same in every process, and states for it.
 pub fn exported() -> (tempfile::TempDir, Vec<State>) {
-    let (trained, states, ..) = trained(NetworkVariant::LatentFlow);
+    let (trained, states, ..) = trained(&Preset::Tiny.config());
     let folder = tempfile::tempdir().expect("a temporary folder");
     export(&trained, BTreeMap::new(), folder.path()).expect("the folder can be written");
     (folder, states)
 }
 
 fn trained(
-    variant: NetworkVariant,
+    config: &TrainingConfig,
 ) -> (TrainedModel, Vec<State>, Vec<(u32, u32)>, ReferenceOutputs) {
     let trajectory = demonstration();
-    let mut config = Preset::Tiny.config();
-    config.network.variant = variant;
     let states: Vec<State> = (0..STEPS)
         .map(|s| trajectory.state(s, config.stack))
         .collect();
@@ -81,7 +81,7 @@ fn trained(
     };
     let set = DemonstrationSet::new("toy", vec![trajectory, again]).expect("they agree");
     let data = Dataset::new(&[set]).expect("a set that agrees with itself");
-    let mut model = TrainedModel::untrained(&data, &config);
+    let mut model = TrainedModel::untrained(&data, config);
     model.temperature = 1.7;
     let pairs: Vec<(u32, u32)> = (0..STEPS as u32)
         .map(|i| (i, i * 5 % STEPS as u32))
@@ -95,12 +95,21 @@ fn trained(
 #[test]
 fn exported_networks_agree_with_burn() {
     for (_, variant) in NetworkVariant::NAMES {
-        agrees_with_burn(variant);
+        let mut config = Preset::Tiny.config();
+        config.network.variant = variant;
+        agrees_with_burn(&config);
     }
 }
 
-fn agrees_with_burn(variant: NetworkVariant) {
-    let (trained, states, pairs, reference) = trained(variant);
+#[test]
+fn a_network_that_tells_the_motion_to_go_agrees_with_burn() {
+    let mut config = Preset::Tiny.config();
+    config.motion_weight = 1.0;
+    agrees_with_burn(&config);
+}
+
+fn agrees_with_burn(config: &TrainingConfig) {
+    let (trained, states, pairs, reference) = trained(config);
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path().join("model");
     export(&trained, BTreeMap::new(), &folder).expect("the folder can be written");

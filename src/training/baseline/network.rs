@@ -8,6 +8,7 @@ use super::token_encoder::TokenEncoder;
 use super::transformer::CausalTransformer;
 use crate::model::{BaselineMethod, BaselineSpec};
 use crate::training::NetworkVariant;
+use crate::training::encodings::Encodings;
 use crate::training::network::{CameraEncoder, Initialiser};
 use crate::training::patches::PatchGrid;
 
@@ -69,33 +70,31 @@ impl BaselineNetwork {
         }
     }
 
-    /// Latents `[states, latent_dim]`, cameras one after another, from the patches of each camera
-    /// (`[states, positions, patch_len]`).
+    /// The latents of states, from the patches of each camera (`[states, positions, patch_len]`).
     #[must_use]
     pub(super) fn encode(
         &self,
-        patches: Vec<Tensor<3>>,
+        patches: &[Tensor<3>],
         mut dropout: Option<&mut Dropout>,
-    ) -> Tensor<2> {
-        let latents = patches
-            .into_iter()
-            .enumerate()
+    ) -> Encodings {
+        // Drawn camera after camera, since the order decides what is drawn.
+        let masks: Vec<_> = (patches.iter().enumerate())
             .map(|(camera, patches)| {
                 let (states, device) = (patches.dims()[0], patches.device());
-                let mut masks = |blocks: usize| {
-                    let dropout = dropout.as_deref_mut();
-                    dropout.map(|d| d.blocks(blocks, states, &device))
+                let blocks = match self.encoders.get(camera) {
+                    Some(encoder) => encoder.stages.len(),
+                    None => self.token_encoders[camera].stages.len(),
                 };
-                if let Some(encoder) = self.encoders.get(camera) {
-                    let masks = masks(encoder.stages.len());
-                    return encoder.forward(patches, masks.as_deref());
-                }
-                let encoder = &self.token_encoders[camera];
-                let masks = masks(encoder.stages.len());
-                encoder.forward(patches, masks.as_deref())
+                (dropout.as_deref_mut()).map(|d| d.blocks(blocks, states, &device))
             })
             .collect();
-        Tensor::cat(latents, 1)
+        Encodings::of(patches.len(), |camera| {
+            let (patches, masks) = (patches[camera].clone(), masks[camera].as_deref());
+            match self.encoders.get(camera) {
+                Some(encoder) => encoder.forward(patches, masks),
+                None => self.token_encoders[camera].forward(patches, masks),
+            }
+        })
     }
 }
 

@@ -4,9 +4,11 @@ use super::BaselineNetwork;
 use super::batch::BatchInput;
 use super::dropout::Dropout;
 use super::source::Source;
+use crate::training::encodings::Encodings;
 use crate::training::loss::{indices, policy_entropies};
 
-/// The mean cross-entropy of the actions of a step, in nats, averaged over the heads.
+/// The mean cross-entropy of the actions of a step, in nats, averaged over the heads, and what the encoders made
+/// of the states.
 pub fn loss_of(
     input: BatchInput,
     network: &BaselineNetwork,
@@ -14,20 +16,24 @@ pub fn loss_of(
     heads: &[usize],
     mut dropout: Option<&mut Dropout>,
     device: &Device,
-) -> Tensor<1> {
-    let latents = source.latents(
+) -> (Tensor<1>, Encodings) {
+    let encodings = source.latents(
         input.inputs,
         input.states,
         network,
         dropout.as_deref_mut(),
         device,
     );
+    let latents = encodings.latents();
     let windows = input.goals.len();
     let history = windowed(&latents, &input.rows, windows, device);
     let goals = latents.select(0, indices(&input.goals, device));
     let logits = network.policy.forward(history, goals, dropout);
     let scored = logits.select(0, indices(&input.scored, device));
-    policy_entropies(&scored, &input.classes, heads).mean()
+    (
+        policy_entropies(&scored, &input.classes, heads).mean(),
+        encodings,
+    )
 }
 
 /// Rows of latents as windows, `[windows, history, latent_dim]`.

@@ -41,7 +41,7 @@ impl TrainedBaseline {
             let pictures = self.pictures();
             let patches = pictures.patches(states, None).expect("all cameras");
             let patches = pictures.tensors(patches, states.len(), &device);
-            let encoded = values(self.network.encode(patches, None));
+            let encoded = values(self.network.encode(&patches, None).latents());
             Latents::from_values(self.spec.latent_dim, encoded)
         };
         let mut logits = Latents::new(self.spec.action_space.head_sizes().iter().sum());

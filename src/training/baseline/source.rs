@@ -1,6 +1,7 @@
 use crate::model::{BaselineSpec, FeatureEncoder, FrozenPictures, Latents};
 use crate::training::augmentation::Variation;
 use crate::training::batch::Pictures;
+use crate::training::encodings::Encodings;
 use crate::training::patches::PatchGrid;
 use crate::training::{ChannelNormalisation, Dataset, StateRef, TrainingError};
 use crate::trajectory::State;
@@ -95,7 +96,7 @@ impl Source {
         }
     }
 
-    /// The latents of such inputs, `[states, latent_dim]`.
+    /// The latents of such inputs.
     pub fn latents(
         &self,
         inputs: Inputs,
@@ -103,14 +104,15 @@ impl Source {
         network: &BaselineNetwork,
         dropout: Option<&mut Dropout>,
         device: &Device,
-    ) -> Tensor<2> {
+    ) -> Encodings {
         match (self, inputs) {
             (Self::Pictures(pictures), Inputs::Patches(patches)) => {
-                network.encode(pictures.tensors(patches, states, device), dropout)
+                network.encode(&pictures.tensors(patches, states, device), dropout)
             }
             (_, Inputs::Features(values)) => {
                 let dim = values.len() / states;
-                Tensor::from_data(TensorData::new(values, [states, dim]), device)
+                let values = TensorData::new(values, [states, dim]);
+                Encodings::uncut(Tensor::from_data(values, device))
             }
             (Self::Features { .. }, Inputs::Patches(_)) => {
                 unreachable!("features are made of features")
@@ -132,6 +134,7 @@ impl Source {
             .map(|part| {
                 let inputs = self.inputs(data, part, stack, None);
                 self.latents(inputs, part.len(), network, None, device)
+                    .latents()
             })
             .collect();
         Tensor::cat(parts, 0)

@@ -235,7 +235,7 @@ fn one_batch_can_be_learnt_by_heart() {
         let mut optimiser = optimiser(&config.optimiser);
         let mut losses = Vec::new();
         for _ in 0..150 {
-            let loss = loss_of(input.clone(), &network, &source, &[4], None, &device);
+            let (loss, _) = loss_of(input.clone(), &network, &source, &[4], None, &device);
             losses.push(loss.clone().into_scalar::<f32>());
             let gradients = burn::optim::GradientsParams::from_grads(loss.backward(), &network);
             network = optimiser.step(5e-3, network, gradients);

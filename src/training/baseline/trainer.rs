@@ -227,7 +227,7 @@ impl Course for Run<'_> {
 
     fn step(&mut self, input: BatchInput, rate: f64) -> Result<StepLosses, TrainingError> {
         let mut dropout = Dropout::of_step(&self.state.config, self.state.progress.step);
-        let total = loss_of(
+        let (total, encodings) = loss_of(
             input,
             &self.learner.network,
             &self.source,
@@ -237,7 +237,7 @@ impl Course for Run<'_> {
         );
         let loss = total.clone().into_scalar::<f32>();
         let step = self.state.progress.step + 1;
-        self.learner.descend(&total, loss, rate, step)?;
+        self.learner.descend(&total, &encodings, loss, rate, step)?;
         Ok(StepLosses {
             total: loss,
             policy: loss,

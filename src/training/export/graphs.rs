@@ -5,7 +5,8 @@ use crate::training::TrainedModel;
 use crate::training::batch::Pictures;
 use crate::training::evaluation::values;
 use crate::training::network::{
-    CameraEncoder, Dense, FlowHead, HeadKind, Keypoints, ResidualBlock, Stage, coordinate_values,
+    CameraEncoder, Dense, FlowHead, HeadKind, Keypoints, MotionHead, ResidualBlock, Stage,
+    coordinate_values,
 };
 use crate::training::patches::PatchGrid;
 
@@ -14,9 +15,20 @@ pub fn encoder(model: &TrainedModel) -> Vec<u8> {
     let encoders = &model.network.encoders;
     let (pictures, latent_dim) = (model.pictures(), model.spec.latent_dim);
     if !model.network.joins_pixels() {
-        return of_cameras(&pictures, latent_dim, |graph, camera, grid, input| {
+        let encode = |graph: &mut OnnxGraph, camera: usize, grid: &PatchGrid, input: &str| {
             camera_encoder(graph, &encoders[camera], grid, input)
-        });
+        };
+        let mut graph = OnnxGraph::default();
+        let latent = latents(&mut graph, &pictures, encode);
+        let latent = match &model.network.motion {
+            Some(head) => {
+                let told = motion(&mut graph, head, &latent);
+                concat(&mut graph, &[latent, told])
+            }
+            None => latent,
+        };
+        graph.output("latent", &latent, &[latent_dim]);
+        return graph.into_model("encoder");
     }
     let mut graph = OnnxGraph::default();
     let inputs = normalised_inputs(&mut graph, &pictures);
@@ -40,14 +52,30 @@ pub fn of_cameras(
     encode: impl Fn(&mut OnnxGraph, usize, &PatchGrid, &str) -> String,
 ) -> Vec<u8> {
     let mut graph = OnnxGraph::default();
-    let inputs = normalised_inputs(&mut graph, pictures);
-    let cameras = pictures.grids.iter().zip(&inputs).enumerate();
-    let parts: Vec<String> = cameras
-        .map(|(camera, (grid, input))| encode(&mut graph, camera, grid, input))
-        .collect();
-    let latent = concat(&mut graph, &parts);
+    let latent = latents(&mut graph, pictures, encode);
     graph.output("latent", &latent, &[latent_dim]);
     graph.into_model("encoder")
+}
+
+/// The latents of all cameras one after another, from an input for each.
+fn latents(
+    graph: &mut OnnxGraph,
+    pictures: &Pictures,
+    encode: impl Fn(&mut OnnxGraph, usize, &PatchGrid, &str) -> String,
+) -> String {
+    let inputs = normalised_inputs(graph, pictures);
+    let cameras = pictures.grids.iter().zip(&inputs).enumerate();
+    let parts: Vec<String> = cameras
+        .map(|(camera, (grid, input))| encode(graph, camera, grid, input))
+        .collect();
+    concat(graph, &parts)
+}
+
+/// The motion to go from the latent.
+fn motion(graph: &mut OnnxGraph, head: &MotionHead, latent: &str) -> String {
+    let hidden = dense(graph, &head.hidden, latent);
+    let hidden = graph.node("Relu", &[&hidden], &[]);
+    dense(graph, &head.output, &hidden)
 }
 
 /// An input for each camera, and its values normalised.

@@ -2,6 +2,7 @@ use super::*;
 use crate::training::synthetic::{self, Counting, sets};
 use crate::training::weights::{NamedWeights, collect};
 use crate::training::{Preset, SilentObserver};
+use crate::trajectory::{Action, ActionSpace};
 
 fn tiny(steps: u64) -> TrainingConfig {
     TrainingConfig {
@@ -117,6 +118,7 @@ fn one_batch_can_be_learnt_by_heart() {
     let batcher = Batcher {
         data: &data,
         sampler: run.batches.clone(),
+        motion: run.motion.clone(),
         pictures: &pictures,
         config: &config,
     };
@@ -136,4 +138,66 @@ fn losses_fall_and_validations_come_when_they_are_due() {
     assert_eq!((observer.steps, observer.validations), (60, 15));
     assert!(observer.last < observer.first);
     assert_eq!(report.steps, 60);
+}
+
+/// Demonstrations that end with a gripper that closes.
+fn grasping() -> [DemonstrationSet; 2] {
+    sets().map(|set| {
+        let mut trajectories = set.trajectories().to_vec();
+        for trajectory in &mut trajectories {
+            let names = [
+                "down",
+                "up",
+                "right",
+                "left",
+                "gripper_close",
+                "gripper_open",
+            ];
+            trajectory.action_space = ActionSpace::Primitives {
+                names: names.map(String::from).to_vec(),
+            };
+            let last = trajectory.steps.last_mut().expect("it has steps");
+            last.action = Action::Primitive(4);
+        }
+        DemonstrationSet::new(set.task(), trajectories).expect("they are alike")
+    })
+}
+
+#[test]
+fn the_motion_to_go_is_learnt_and_told_of_held_out_states() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = tiny(120);
+    config.motion_weight = 2.0;
+    config.augmentation.mirror_share = 0.4;
+    let data = Dataset::new(&grasping()).unwrap();
+    let mut run = Run::prepare(&data, &config, folder.path(), &Device::flex()).unwrap();
+    let pictures = run.pictures.clone();
+    let batcher = Batcher {
+        data: &data,
+        sampler: run.batches.clone(),
+        motion: run.motion.clone(),
+        pictures: &pictures,
+        config: &config,
+    };
+    let untold = run.validate(&mut SilentObserver).motion_explained;
+    let first = run.step(batcher.step_input(0), 3e-3).unwrap();
+    for step in 1..=80 {
+        run.step(batcher.step_input(0), 3e-3).unwrap();
+        run.learner.note_step(step);
+    }
+    let last = run.step(batcher.step_input(0), 3e-3).unwrap();
+    assert!(last.motion < 0.5 * first.motion, "{first:?} {last:?}");
+    let told = run.validate(&mut SilentObserver).motion_explained;
+    assert!(untold.is_some() && told != untold);
+}
+
+#[test]
+fn a_motion_to_go_of_actions_without_a_gripper_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = tiny(2);
+    config.motion_weight = 1.0;
+    let error = on_cpu(&config, folder.path(), &mut SilentObserver).unwrap_err();
+    let message = error.to_string();
+    assert!(message.contains("motion_weight is 1"), "{message}");
+    assert!(message.contains("gripper_close"), "{message}");
 }
