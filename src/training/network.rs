@@ -104,7 +104,8 @@ impl LatentFlowNetwork {
     }
 
     /// Latents `[states, latent_dim]` from the patches of each camera (`[states, positions, patch_len]`):
-    /// cameras one after another, then the motion to go where it is learnt. Where states are joined in their pixels, all cameras' maps of the states
+    /// cameras one after another, then the motion to go where it is learnt. Where states are joined in their
+    /// pixels, all cameras' maps of the states
     /// as those that are left, then all of them as those to be reached. `block_masks` switch residual blocks
     /// off while training.
     #[must_use]

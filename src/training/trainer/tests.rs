@@ -102,6 +102,23 @@ fn a_learning_rate_beyond_reason_is_told_as_divergence() {
     assert!(matches!(error, TrainingError::Diverged { .. }), "{error}");
 }
 
+/// Makes the first batch of a training, as often as it is called.
+fn first_batch<'a>(run: &Run<'a>) -> impl Fn() -> StepInput + use<'a> {
+    let (data, pictures) = (run.data, run.pictures.clone());
+    let (sampler, motion) = (run.batches.clone(), run.motion.clone());
+    let config = run.state.config.clone();
+    move || {
+        let batcher = Batcher {
+            data,
+            sampler: sampler.clone(),
+            motion: motion.clone(),
+            pictures: &pictures,
+            config: &config,
+        };
+        batcher.step_input(0)
+    }
+}
+
 #[test]
 fn one_batch_can_be_learnt_by_heart() {
     let folder = tempfile::tempdir().unwrap();
@@ -114,18 +131,11 @@ fn one_batch_can_be_learnt_by_heart() {
     let data = Dataset::new(&sets()).unwrap();
     let device = Device::flex();
     let mut run = Run::prepare(&data, &config, folder.path(), &device).unwrap();
-    let pictures = run.pictures.clone();
-    let batcher = Batcher {
-        data: &data,
-        sampler: run.batches.clone(),
-        motion: run.motion.clone(),
-        pictures: &pictures,
-        config: &config,
-    };
-    let first = run.step(batcher.step_input(0), 3e-3).unwrap();
+    let batch = first_batch(&run);
+    let first = run.step(batch(), 3e-3).unwrap();
     let mut last = first;
     for _ in 0..150 {
-        last = run.step(batcher.step_input(0), 3e-3).unwrap();
+        last = run.step(batch(), 3e-3).unwrap();
     }
     assert!(last.total < 0.1 * first.total, "{first:?} {last:?}");
 }
@@ -171,21 +181,14 @@ fn the_motion_to_go_is_learnt_and_told_of_held_out_states() {
     config.augmentation.mirror_share = 0.4;
     let data = Dataset::new(&grasping()).unwrap();
     let mut run = Run::prepare(&data, &config, folder.path(), &Device::flex()).unwrap();
-    let pictures = run.pictures.clone();
-    let batcher = Batcher {
-        data: &data,
-        sampler: run.batches.clone(),
-        motion: run.motion.clone(),
-        pictures: &pictures,
-        config: &config,
-    };
+    let batch = first_batch(&run);
     let untold = run.validate(&mut SilentObserver).motion_explained;
-    let first = run.step(batcher.step_input(0), 3e-3).unwrap();
+    let first = run.step(batch(), 3e-3).unwrap();
     for step in 1..=80 {
-        run.step(batcher.step_input(0), 3e-3).unwrap();
+        run.step(batch(), 3e-3).unwrap();
         run.learner.note_step(step);
     }
-    let last = run.step(batcher.step_input(0), 3e-3).unwrap();
+    let last = run.step(batch(), 3e-3).unwrap();
     assert!(last.motion < 0.5 * first.motion, "{first:?} {last:?}");
     let told = run.validate(&mut SilentObserver).motion_explained;
     assert!(untold.is_some() && told != untold);
