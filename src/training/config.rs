@@ -260,6 +260,12 @@ impl Default for OptimiserConfig {
 }
 
 impl TrainingConfig {
+    /// Whether states are to tell the motion to go.
+    #[must_use]
+    pub fn tells_motion(&self) -> bool {
+        self.motion_weight > 0.0 && !self.network.variant.joins_pixels()
+    }
+
     /// Checks every value that would otherwise break the training later.
     ///
     /// # Errors

@@ -97,7 +97,7 @@ impl ValidationSet {
             look_alikes,
             missed_grasps: missed_grasps(data, trajectories, &states, config),
             across: across(data, trajectories, &states, config),
-            motion: MotionToGo::find(data, trajectories, &config.imitation)
+            motion: MotionToGo::of_training(data, trajectories, config)
                 .targets(&states, &Mirror::NONE),
             states,
         })

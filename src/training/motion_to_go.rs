@@ -43,9 +43,17 @@ pub struct MotionTargets {
 }
 
 impl MotionToGo {
-    /// That of all states of some demonstrations.
+    /// That of all states of some demonstrations; empty where it is not learnt.
     #[must_use]
-    pub fn find(data: &Dataset, trajectories: &[u32], imitation: &ImitationConfig) -> Self {
+    pub fn of_training(data: &Dataset, trajectories: &[u32], config: &TrainingConfig) -> Self {
+        if config.tells_motion() {
+            Self::find(data, trajectories, &config.imitation)
+        } else {
+            Self::default()
+        }
+    }
+
+    fn find(data: &Dataset, trajectories: &[u32], imitation: &ImitationConfig) -> Self {
         let axes = axes(data.action_space());
         let of = (trajectories.iter())
             .map(|trajectory| (*trajectory, along(data, *trajectory, &axes, imitation)))

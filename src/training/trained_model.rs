@@ -168,7 +168,7 @@ pub(super) fn network_of(
 
 /// How many values the motion to go has that a network is to tell; 0 where it is to tell none.
 fn motion_axes(spec: &ModelSpec, config: &TrainingConfig) -> usize {
-    if config.motion_weight > 0.0 && !config.network.variant.joins_pixels() {
+    if config.tells_motion() {
         axes(&spec.action_space).len()
     } else {
         0

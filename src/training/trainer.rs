@@ -127,7 +127,7 @@ impl<'a> Run<'a> {
             device,
             pictures,
             batches,
-            motion: MotionToGo::find(data, &split.training, &config.imitation),
+            motion: MotionToGo::of_training(data, &split.training, config),
             validation,
             training_states: data.states_of(&split.training).count(),
             learner: Learner::new(network, &config.optimiser),

@@ -49,6 +49,7 @@ fn encoder(baseline: &TrainedBaseline) -> Vec<u8> {
     of_cameras(
         &baseline.pictures(),
         baseline.spec.latent_dim,
+        None,
         |graph, camera, grid, input| match network.encoders.get(camera) {
             Some(encoder) => camera_encoder(graph, encoder, grid, input),
             None => tokens::token_encoder(graph, &network.token_encoders[camera], grid, input),

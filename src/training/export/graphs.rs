@@ -15,20 +15,12 @@ pub fn encoder(model: &TrainedModel) -> Vec<u8> {
     let encoders = &model.network.encoders;
     let (pictures, latent_dim) = (model.pictures(), model.spec.latent_dim);
     if !model.network.joins_pixels() {
-        let encode = |graph: &mut OnnxGraph, camera: usize, grid: &PatchGrid, input: &str| {
-            camera_encoder(graph, &encoders[camera], grid, input)
-        };
-        let mut graph = OnnxGraph::default();
-        let latent = latents(&mut graph, &pictures, encode);
-        let latent = match &model.network.motion {
-            Some(head) => {
-                let told = motion(&mut graph, head, &latent);
-                concat(&mut graph, &[latent, told])
-            }
-            None => latent,
-        };
-        graph.output("latent", &latent, &[latent_dim]);
-        return graph.into_model("encoder");
+        return of_cameras(
+            &pictures,
+            latent_dim,
+            model.network.motion.as_ref(),
+            |graph, camera, grid, input| camera_encoder(graph, &encoders[camera], grid, input),
+        );
     }
     let mut graph = OnnxGraph::default();
     let inputs = normalised_inputs(&mut graph, &pictures);
@@ -45,30 +37,26 @@ pub fn encoder(model: &TrainedModel) -> Vec<u8> {
 }
 
 /// A network from the raw pixel values of each camera to one latent; `encode` adds what turns the normalised
-/// values of a camera into its part.
+/// values of a camera into its part, and `told` what the latent tells of the motion to go.
 pub fn of_cameras(
     pictures: &Pictures,
     latent_dim: usize,
+    told: Option<&MotionHead>,
     encode: impl Fn(&mut OnnxGraph, usize, &PatchGrid, &str) -> String,
 ) -> Vec<u8> {
     let mut graph = OnnxGraph::default();
-    let latent = latents(&mut graph, pictures, encode);
-    graph.output("latent", &latent, &[latent_dim]);
-    graph.into_model("encoder")
-}
-
-/// The latents of all cameras one after another, from an input for each.
-fn latents(
-    graph: &mut OnnxGraph,
-    pictures: &Pictures,
-    encode: impl Fn(&mut OnnxGraph, usize, &PatchGrid, &str) -> String,
-) -> String {
-    let inputs = normalised_inputs(graph, pictures);
+    let inputs = normalised_inputs(&mut graph, pictures);
     let cameras = pictures.grids.iter().zip(&inputs).enumerate();
     let parts: Vec<String> = cameras
-        .map(|(camera, (grid, input))| encode(graph, camera, grid, input))
+        .map(|(camera, (grid, input))| encode(&mut graph, camera, grid, input))
         .collect();
-    concat(graph, &parts)
+    let mut latent = concat(&mut graph, &parts);
+    if let Some(head) = told {
+        let motion = motion(&mut graph, head, &latent);
+        latent = concat(&mut graph, &[latent, motion]);
+    }
+    graph.output("latent", &latent, &[latent_dim]);
+    graph.into_model("encoder")
 }
 
 /// The motion to go from the latent.
