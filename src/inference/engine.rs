@@ -64,6 +64,7 @@ impl fmt::Display for EngineKind {
 pub struct Engine {
     kind: EngineKind,
     name: String,
+    /// What follows the name in its description.
     origin: String,
     environment: Environment,
 }
@@ -109,7 +110,7 @@ impl Engine {
     /// Name, version, and the file or the reason that it is this one: for the person at this machine.
     #[must_use]
     pub fn description(&self) -> String {
-        format!("{} {}", self.name, self.origin)
+        format!("{}{}", self.name, self.origin)
     }
 
     fn start(choice: EngineChoice) -> Result<Self, InferenceError> {
@@ -191,7 +192,7 @@ fn tract(why: &str) -> Started {
         api: ort_tract::api(),
         kind: EngineKind::Tract,
         name: "tract".to_owned(),
-        origin: format!("compiled in ({why})"),
+        origin: format!(", compiled in ({why})"),
     }
 }
 
@@ -217,7 +218,7 @@ fn open(path: &Path) -> Result<Started, String> {
         api: api.table,
         kind: EngineKind::Native,
         name: format!("ONNX Runtime {}", api.version),
-        origin: format!("from {}", path.display()),
+        origin: format!(" from {}", path.display()),
     })
 }
 
