@@ -147,6 +147,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         encoder: &oracle,
         traversability: &oracle,
         policy: &oracle,
+        landmarks: None,
     };
     let episode =
         Rollout::new(model, planner, RolloutOptions::default())?.run(&mut line, 0, &mut ())?;

@@ -4,6 +4,7 @@
 mod baseline;
 mod encoder;
 mod error;
+mod landmark_book;
 mod latents;
 mod manifest;
 mod policy;
@@ -17,10 +18,12 @@ pub use baseline::{
 };
 pub use encoder::Encoder;
 pub use error::ModelError;
+pub use landmark_book::{Landmark, LandmarkBook, LandmarkSight, LandmarkView};
 pub use latents::Latents;
 pub use manifest::{
-    ENCODER_FILE, MANIFEST_FILE, MODEL_FORMAT_VERSION, ManifestError, ModelManifest, POLICY_FILE,
-    PROJECTION_FILE, TRAVERSABILITY_FILE, TrainingRecord, ValidationMetrics, sha256_hex,
+    ENCODER_FILE, LANDMARKS_FILE, MANIFEST_FILE, MODEL_FORMAT_VERSION, ManifestError,
+    ModelManifest, POLICY_FILE, PROJECTION_FILE, TRAVERSABILITY_FILE, TrainingRecord,
+    ValidationMetrics, sha256_hex,
 };
 pub(crate) use manifest::{file_digests, indented_json};
 pub use policy::{ActionDistribution, LocalPolicy};

@@ -3,6 +3,7 @@
 //! A run sees camera images and the robot's own actions, nothing else. It tells what it does through
 //! [`RolloutObserver`] and typed [`Event`]s; pictures and files are made elsewhere.
 
+mod approach;
 mod controller;
 mod episode;
 mod error;
@@ -11,6 +12,7 @@ mod hypotheses;
 mod monitor;
 mod nearby;
 mod options;
+mod place;
 mod reactive;
 mod reflex;
 mod run;

@@ -6,6 +6,7 @@ mod action;
 mod binning;
 mod demonstration;
 mod error;
+mod geometry;
 mod image;
 mod observation;
 
@@ -13,5 +14,6 @@ pub use action::{Action, ActionSpace};
 pub use binning::{ActionDimension, Binning, Decoding, DimensionBinning, Spacing};
 pub use demonstration::{DemonstrationSet, Marker, Step, Trajectory};
 pub use error::TrajectoryError;
+pub use geometry::{CameraMount, Displacement, Lens, MountedOn, Posture, RobotGeometry};
 pub use image::{CameraSpec, Image};
 pub use observation::{Observation, State};

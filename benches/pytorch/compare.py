@@ -157,7 +157,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("demos", nargs="*", type=Path, help="folders of recordings, one a task")
     parser.add_argument("--catena", type=Path, help="the catena program; with it both are trained")
     parser.add_argument("--out", type=Path, default=Path("out/pairs"), help="where runs, losses and logs lie")
-    parser.add_argument("--preset", choices=("paper", "bedroom"), default="paper")
+    parser.add_argument("--preset", choices=("paper",), default="paper")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--steps", type=int)
     parser.add_argument("--minutes", type=float, default=30.0, help="of each training")

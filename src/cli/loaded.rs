@@ -221,6 +221,7 @@ impl Loaded {
             encoder: &self.model,
             traversability: &self.model,
             policy: &self.model,
+            landmarks: self.model.landmarks(),
         }
     }
 

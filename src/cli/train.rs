@@ -249,7 +249,7 @@ impl TrainingObserver for Printer {
                 ..
             } => {
                 let line = format!(
-                    "step {step:>6}: held out: traversability loss {:.3}, {:.1} % right; policy loss {:.3}, {:.1} % right, across {}{}{}",
+                    "step {step:>6}: held out: traversability loss {:.3}, {:.1} % right; policy loss {:.3}, {:.1} % right, across {}{}{}{}",
                     metrics.traversability_loss,
                     100.0 * metrics.traversability_accuracy,
                     metrics.policy_loss,
@@ -259,6 +259,8 @@ impl TrainingObserver for Printer {
                         "; motion to go {:.1} % explained",
                         100.0 * e
                     )),
+                    (metrics.landmark_error_pixels)
+                        .map_or_else(String::new, |e| format!("; landmarks {e:.1} pixels off")),
                     if *is_best { "  (best)" } else { "" },
                 );
                 self.print(line);

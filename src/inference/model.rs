@@ -4,8 +4,8 @@ use std::path::Path;
 use super::network::Network;
 use super::{Engine, EngineChoice, InferenceError};
 use crate::model::{
-    ENCODER_FILE, Latents, LocalPolicy, MANIFEST_FILE, ManifestError, ModelError, ModelManifest,
-    POLICY_FILE, PROJECTION_FILE, TRAVERSABILITY_FILE, Traversability,
+    ENCODER_FILE, LANDMARKS_FILE, LandmarkBook, Latents, LocalPolicy, MANIFEST_FILE, ManifestError,
+    ModelError, ModelManifest, POLICY_FILE, PROJECTION_FILE, TRAVERSABILITY_FILE, Traversability,
 };
 
 /// A trained model, ready to run: the encoder, the traversability function and the local policy.
@@ -17,6 +17,7 @@ pub struct Model {
     pub(super) projection: Network,
     pub(super) traversability: Network,
     pub(super) policy: Network,
+    landmarks: Option<LandmarkBook>,
 }
 
 impl Model {
@@ -49,6 +50,7 @@ impl Model {
             projection: network("the projection", PROJECTION_FILE)?,
             traversability: network("the traversability function", TRAVERSABILITY_FILE)?,
             policy: network("the local policy", POLICY_FILE)?,
+            landmarks: landmarks(folder, &manifest)?,
             manifest,
         };
         model.check_names(folder)?;
@@ -81,6 +83,12 @@ impl Model {
     #[must_use]
     pub fn manifest(&self) -> &ModelManifest {
         &self.manifest
+    }
+
+    /// What is known of the model's landmarks, if its encoder tells any.
+    #[must_use]
+    pub fn landmarks(&self) -> Option<&LandmarkBook> {
+        self.landmarks.as_ref()
     }
 
     /// The digest by which graphs know the model that they were built with.
@@ -186,6 +194,36 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>, InferenceError> {
         path: path.to_path_buf(),
         reason: e.to_string(),
     })
+}
+
+/// The landmarks of a model whose manifest names them.
+fn landmarks(
+    folder: &Path,
+    manifest: &ModelManifest,
+) -> Result<Option<LandmarkBook>, InferenceError> {
+    if !manifest.files.contains_key(LANDMARKS_FILE) {
+        return Ok(None);
+    }
+    let path = folder.join(LANDMARKS_FILE);
+    let bytes = read(&path)?;
+    (manifest.verify(LANDMARKS_FILE, &bytes)).map_err(|source| {
+        InferenceError::ManifestRefused {
+            folder: folder.to_path_buf(),
+            source,
+        }
+    })?;
+    let misfit = |found: String| InferenceError::NetworkMisfit {
+        path: path.clone(),
+        what: "what it says of landmarks".to_owned(),
+        expected: "what the encoder tells".to_owned(),
+        found,
+    };
+    let book: LandmarkBook =
+        serde_json::from_slice(&bytes).map_err(|error| misfit(error.to_string()))?;
+    match book.misfit(manifest.spec.latent_dim, manifest.spec.cameras.len()) {
+        Some(reason) => Err(misfit(reason)),
+        None => Ok(Some(book)),
+    }
 }
 
 fn check_spec(path: &Path, manifest: &ModelManifest) -> Result<(), InferenceError> {

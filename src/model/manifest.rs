@@ -21,6 +21,10 @@ pub const TRAVERSABILITY_FILE: &str = "traversability.onnx";
 /// Inputs `from` and `goal` `[n, latent_dim]`, output `logits` `[n, sum of the head sizes]`.
 pub const POLICY_FILE: &str = "policy.onnx";
 
+/// What is known of the model's landmarks, a [`LandmarkBook`](super::LandmarkBook) as JSON; only where the encoder tells
+/// landmarks.
+pub const LANDMARKS_FILE: &str = "landmarks.json";
+
 /// Why a manifest was refused, or a file beside it.
 #[derive(Debug, Error)]
 pub enum ManifestError {
@@ -146,6 +150,10 @@ pub struct ValidationMetrics {
     /// demonstrations move; `None` where it was not learnt.
     #[serde(default)]
     pub motion_explained: Option<f64>,
+    /// Median distance, in pixels, between where a landmark is told to be and where it is, of held-out states that
+    /// show one; `None` where none were learnt.
+    #[serde(default)]
+    pub landmark_error_pixels: Option<f64>,
 }
 
 impl ModelManifest {

@@ -1,5 +1,6 @@
 use std::sync::Arc;
 
+use super::approach::Approach;
 use super::running::{Run, Watch};
 use super::{
     EpisodeEnd, Event, Monitor, RolloutError, RolloutModel, RolloutOptions, Sight, StepRecord,
@@ -22,6 +23,7 @@ pub struct Controller<'a> {
     pub(super) monitor: Monitor<'a>,
     pub(super) options: RolloutOptions,
     pub(super) run: Run,
+    approach: Option<Approach>,
 }
 
 /// What a [`Controller`] made of an observation.
@@ -53,8 +55,14 @@ impl<'a> Controller<'a> {
         options: RolloutOptions,
     ) -> Result<Self, RolloutError> {
         let monitor = Monitor::new(model, &planner, &options)?;
+        let spec = model.encoder.spec();
+        let book = model.landmarks.filter(|_| options.approach);
+        let approach = book.and_then(|book| {
+            Approach::new(&Arc::new(book.clone()), &spec.cameras, &spec.action_space)
+        });
         Ok(Self {
-            run: Run::new(0, &model.encoder.spec().action_space),
+            run: Run::new(0, &spec.action_space),
+            approach,
             model,
             planner,
             monitor,
@@ -103,6 +111,9 @@ impl<'a> Controller<'a> {
         self.monitor.reset();
         self.planner.recover(0.0);
         self.run = Run::new(seed, &self.model.encoder.spec().action_space);
+        if let Some(approach) = &mut self.approach {
+            approach.reset();
+        }
     }
 
     /// The next observation: the first one of the episode, or what is seen after the last action. After an
@@ -111,7 +122,10 @@ impl<'a> Controller<'a> {
     /// # Errors
     /// [`RolloutError`] when a network gives no answer, or cameras or classes do not fit the model.
     pub fn step(&mut self, observation: Arc<Observation>) -> Result<Decision, RolloutError> {
-        self.run.see(&observation, self.options.still_levels);
+        let moved = self.run.see(&observation, self.options.stillness());
+        if let (Some(approach), Some(class)) = (&mut self.approach, moved) {
+            approach.note(class);
+        }
         let step = self.run.step;
         let sight = self.monitor.look(Arc::clone(&observation))?;
         let Sight {
@@ -123,6 +137,9 @@ impl<'a> Controller<'a> {
             localise_ms,
         } = sight;
         self.run.distances = distances;
+        if let Some(approach) = &mut self.approach {
+            approach.look(latent.row(0));
+        }
         let mut watch = Watch::start();
         if let Some(end) = self.note_change(&localisation) {
             return Ok(Decision::over(end, events, localisation));
@@ -176,7 +193,7 @@ impl<'a> Controller<'a> {
         match localisation.change {
             None | Some(StageChange::Ahead { .. }) => None,
             Some(StageChange::Advanced { .. } | StageChange::Regressed { .. }) => {
-                self.run.enter();
+                self.enter_stage();
                 None
             }
             Some(StageChange::Shortcut { to, .. }) => match self.options.on_shortcut {
@@ -184,10 +201,17 @@ impl<'a> Controller<'a> {
                 OnShortcut::Stop => Some(EpisodeEnd::Shortcut),
                 OnShortcut::Report => {
                     self.monitor.accept_stage(to);
-                    self.run.enter();
+                    self.enter_stage();
                     None
                 }
             },
+        }
+    }
+
+    fn enter_stage(&mut self) {
+        self.run.enter();
+        if let Some(approach) = &mut self.approach {
+            approach.enter();
         }
     }
 
@@ -241,6 +265,14 @@ impl<'a> Controller<'a> {
         let distribution = ActionDistribution::mixture(&parts);
         if let Some(classes) = self.run.reflex.retreat(self.options.blocked_steps) {
             return Ok((distribution, classes));
+        }
+        let reflex = &self.run.reflex;
+        if let Some(approach) = &mut self.approach
+            && let Some(class) = approach.next(self.planner.graph().node(goal.node), |class| {
+                reflex.is_ruled_out(class)
+            })
+        {
+            return Ok((distribution, vec![class]));
         }
         let is_stuck = self.run.step - self.run.progress_step >= self.options.doubt_steps;
         let classes = if is_stuck {

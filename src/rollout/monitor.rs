@@ -281,6 +281,7 @@ mod tests {
             encoder: &PixelEncoder::new(5),
             traversability: &oracle,
             policy: &Nobody,
+            landmarks: None,
         };
         let options = RolloutOptions {
             near_probability: 0.0,
@@ -302,6 +303,7 @@ mod tests {
             encoder: &PixelEncoder::new(7),
             traversability: &ahead(7),
             policy: &Nobody,
+            landmarks: None,
         };
         let refused = Monitor::new(model, &corridor(), &RolloutOptions::default()).err();
         let error = refused.expect("the graph has a d_max of 5").to_string();
@@ -315,6 +317,7 @@ mod tests {
             encoder: &encoder,
             traversability: &ahead(5),
             policy: &Nobody,
+            landmarks: None,
         };
         let options = RolloutOptions::default();
         let mut monitor = Monitor::new(model, &corridor(), &options).expect("the graph fits");

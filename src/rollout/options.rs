@@ -1,5 +1,6 @@
 use serde::{Deserialize, Serialize};
 
+use super::reflex::Stillness;
 use crate::composer::OnShortcut;
 use crate::planner::FilterOptions;
 
@@ -31,15 +32,20 @@ pub struct RolloutOptions {
     /// Share of such an extra that is left after each step.
     pub penalty_keep: f64,
     /// Change of the mean value (0..=255) of a patch of 10x10 pixels that shows that something moved.
-    /// An action after which no patch of any camera changed so much is taken to have had no effect,
-    /// and is not tried again until something moves.
     pub still_levels: f32,
+    /// Share (0..=1) of the patches of a camera that must change so much. An action after which no camera saw that
+    /// is taken to have had no effect, and is not tried again until something moves; to close or open the gripper, one
+    /// patch is enough.
+    pub still_share: f32,
     /// Least probability (0..=1) of an action that takes the place of one that had no effect. Where
     /// nothing else is so probable, the robot undoes what had no effect, and tries from there.
     pub least_substitute: f32,
     /// Steps without effect, since the cost-to-go last fell, after which the robot undoes the way that led
     /// there and tries again.
     pub blocked_steps: usize,
+    /// Whether the gripper is led to where it next closes or opens, where the model's encoder sees that place
+    /// ([`LandmarkBook`](crate::model::LandmarkBook)) and the robot begins as in the demonstrations.
+    pub approach: bool,
     /// Steps for which the last stage must last until a run that never gets to a final state ends.
     pub settle_steps: usize,
 }
@@ -58,9 +64,20 @@ impl Default for RolloutOptions {
             penalty_steps: 4.0,
             penalty_keep: 0.97,
             still_levels: 4.0,
+            still_share: 0.17,
             least_substitute: 0.25,
             blocked_steps: 10,
+            approach: true,
             settle_steps: 12,
+        }
+    }
+}
+
+impl RolloutOptions {
+    pub(super) fn stillness(&self) -> Stillness {
+        Stillness {
+            levels: self.still_levels,
+            share: self.still_share,
         }
     }
 }

@@ -112,7 +112,7 @@ impl<'a> ReactiveRollout<'a> {
             let (record, classes) = self.decide(step, &newest, &mut seen, &reflex)?;
             observer.on_step(&record);
             let after = environment.step(&record.action).map_err(failed(step))?;
-            reflex.note(&classes, &newest, &after, self.options.still_levels);
+            reflex.note(&classes, &newest, &after, self.options.stillness());
             times.push(record.times);
             newest = Arc::new(after);
         };

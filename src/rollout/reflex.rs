@@ -45,30 +45,35 @@ impl Reflex {
         }
     }
 
-    /// Notes what `tried` did: nothing, if no part of an image changed by `still_levels`.
+    /// Notes what `tried` did, and says whether it did anything: nothing, if in no image as much changed as
+    /// `stillness` says. To close or open the gripper changes less than to move, so any change will do.
     pub(super) fn note(
         &mut self,
         tried: &[usize],
         before: &Observation,
         after: &Observation,
-        still_levels: f32,
-    ) {
+        stillness: Stillness,
+    ) -> bool {
         for (_, age) in &mut self.recent {
             *age += 1;
         }
         self.recent.retain(|(_, age)| *age <= MEMORY_STEPS);
-        if largest_change(before, after) < still_levels {
-            self.ruled_out.push(tried.to_vec());
-            self.recent.extend(tried.first().map(|class| (*class, 0)));
-            self.blocked_steps += 1;
-            self.retreat_steps = 0;
-        } else {
+        let share = changed_share(before, after, stillness.levels);
+        let is_gripper = matches!(tried, [class] if self.gripper.contains(class));
+        let has_moved = share > 0.0 && (is_gripper || share >= stillness.share);
+        if has_moved {
             self.ruled_out.clear();
             if let ([class], false) = (tried, self.is_retreating) {
                 self.done.push(*class);
             }
+        } else {
+            self.ruled_out.push(tried.to_vec());
+            self.recent.extend(tried.first().map(|class| (*class, 0)));
+            self.blocked_steps += 1;
+            self.retreat_steps = 0;
         }
         self.is_retreating = false;
+        has_moved
     }
 
     /// The robot came nearer to its goal.
@@ -179,7 +184,7 @@ impl Reflex {
         (!is_tried && !self.is_ruled_out(drive)).then_some(drive)
     }
 
-    fn is_ruled_out(&self, class: usize) -> bool {
+    pub(super) fn is_ruled_out(&self, class: usize) -> bool {
         self.ruled_out.iter().any(|r| r[..] == [class])
     }
 
@@ -192,20 +197,33 @@ impl Reflex {
 /// average out, small enough for a finger to show.
 const SQUARE_PIXELS: usize = 10;
 
-/// The largest change of the mean value of a square of pixels, in any channel of any camera.
-fn largest_change(before: &Observation, after: &Observation) -> f32 {
-    before
-        .iter()
-        .filter_map(|(camera, old)| {
-            let new = after.image(camera).ok()?;
-            let changes = square_means(old).zip(square_means(new));
-            Some(changes.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max))
-        })
-        .fold(0.0, f32::max)
+/// When nothing moved.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stillness {
+    /// Change of the mean value of a square of pixels that counts, in any channel.
+    pub(super) levels: f32,
+    /// Share of a camera's squares that change when the robot moves. A thing that sways between the fingers of a
+    /// robot that is stopped changes fewer.
+    pub(super) share: f32,
+}
+
+/// The largest share of the squares of one camera whose mean value changed by so many levels, in any channel.
+fn changed_share(before: &Observation, after: &Observation, levels: f32) -> f32 {
+    let of_camera = |(camera, old): (&str, &Image)| {
+        let new = after.image(camera).ok()?;
+        let (old, new): (Vec<_>, Vec<_>) =
+            (square_means(old).collect(), square_means(new).collect());
+        let is_changed = |(a, b): &(&[f32; 3], &[f32; 3])| {
+            a.iter().zip(*b).any(|(a, b)| (a - b).abs() >= levels)
+        };
+        let changed = old.iter().zip(&new).filter(is_changed).count();
+        Some(changed as f32 / old.len().max(1) as f32)
+    };
+    before.iter().filter_map(of_camera).fold(0.0, f32::max)
 }
 
 /// Mean value of each channel of each square, row by row; squares at the far edges may be smaller.
-fn square_means(image: &Image) -> impl Iterator<Item = f32> {
+fn square_means(image: &Image) -> impl Iterator<Item = [f32; 3]> {
     let (height, width) = (image.height() as usize, image.width() as usize);
     let columns = width.div_ceil(SQUARE_PIXELS);
     let mut squares = vec![([0_u32; 3], 0_u32); columns * height.div_ceil(SQUARE_PIXELS)];
@@ -220,7 +238,7 @@ fn square_means(image: &Image) -> impl Iterator<Item = f32> {
             }
         }
     }
-    squares.into_iter().flat_map(|(sums, count)| {
+    squares.into_iter().map(|(sums, count)| {
         let count = count.max(1) as f32;
         sums.map(|sum| sum as f32 / count)
     })
@@ -231,6 +249,11 @@ mod tests {
     use rand::SeedableRng;
 
     use super::*;
+
+    const STILL: Stillness = Stillness {
+        levels: 2.0,
+        share: 0.17,
+    };
 
     fn grey(level: u8) -> Observation {
         let image = Image::new(1, 2, vec![level; 6]).expect("6 bytes");
@@ -244,17 +267,17 @@ mod tests {
         };
         let mut reflex = Reflex::default();
         assert_eq!(reflex.choose(&policy, 0.0), [1]);
-        reflex.note(&[1], &grey(10), &grey(11), 2.0);
+        reflex.note(&[1], &grey(10), &grey(11), STILL);
         assert_eq!(reflex.choose(&policy, 0.0), [2]);
-        reflex.note(&[2], &grey(11), &grey(11), 2.0);
+        reflex.note(&[2], &grey(11), &grey(11), STILL);
         assert_eq!(reflex.choose(&policy, 0.0), [0]);
-        reflex.note(&[0], &grey(11), &grey(11), 2.0);
+        reflex.note(&[0], &grey(11), &grey(11), STILL);
         assert_eq!(
             reflex.choose(&policy, 0.0),
             [1],
             "nothing is left: try again"
         );
-        reflex.note(&[1], &grey(11), &grey(90), 2.0);
+        reflex.note(&[1], &grey(11), &grey(90), STILL);
         assert_eq!(reflex.choose(&policy, 0.0), [1]);
     }
 
@@ -268,10 +291,10 @@ mod tests {
             heads: vec![vec![0.6, close, 0.4 - close]],
         };
         assert_eq!(reflex.choose(&policy(0.2), 0.25), [0]);
-        reflex.note(&[0], &grey(10), &grey(10), 2.0);
+        reflex.note(&[0], &grey(10), &grey(10), STILL);
         assert_eq!(reflex.choose(&policy(0.3), 0.25), [1]);
         assert_eq!(reflex.choose(&policy(0.2), 0.25), [2]);
-        reflex.note(&[2], &grey(10), &grey(10), 2.0);
+        reflex.note(&[2], &grey(10), &grey(10), STILL);
         assert_eq!(reflex.choose(&policy(0.2), 0.25), [1], "up is blocked too");
     }
 
@@ -285,7 +308,7 @@ mod tests {
         let mut moves = |reflex: &mut Reflex, class: usize, has_effect: bool| {
             let before = grey(level);
             level = level.wrapping_add(if has_effect { 50 } else { 0 });
-            reflex.note(&[class], &before, &grey(level), 2.0);
+            reflex.note(&[class], &before, &grey(level), STILL);
         };
         for class in [0, 0, 2, 1] {
             moves(&mut reflex, class, true);
@@ -319,14 +342,14 @@ mod tests {
         };
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         assert_eq!(reflex.choose(&policy, 0.25), [0]);
-        reflex.note(&[0], &grey(10), &grey(10), 2.0);
+        reflex.note(&[0], &grey(10), &grey(10), STILL);
         assert_eq!(reflex.choose(&policy, 0.25), [2]);
         assert_eq!(
             reflex.draw(&policy, &mut rng),
             [2],
             "nor is it left to chance"
         );
-        reflex.note(&[2], &grey(10), &grey(10), 2.0);
+        reflex.note(&[2], &grey(10), &grey(10), STILL);
         assert_eq!(reflex.choose(&policy, 0.25), [1], "the base is stopped too");
     }
 
@@ -356,7 +379,7 @@ mod tests {
                 1 => height - 1,
                 _ => 9,
             };
-            reflex.note(&[class], &before, &grey(10 * height), 2.0);
+            reflex.note(&[class], &before, &grey(10 * height), STILL);
         }
         assert_eq!(
             chosen[..5],
@@ -371,7 +394,7 @@ mod tests {
             heads: vec![vec![0.2, 0.5, 0.3]],
         };
         let mut reflex = Reflex::default();
-        reflex.note(&[1], &grey(10), &grey(10), 2.0);
+        reflex.note(&[1], &grey(10), &grey(10), STILL);
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut counts = [0; 3];
         for _ in 0..1000 {

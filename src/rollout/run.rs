@@ -2,10 +2,10 @@ use std::sync::Arc;
 
 use super::{Controller, Decision, Episode, RolloutError, RolloutObserver, RolloutOptions};
 use crate::environment::Environment;
-use crate::model::{Encoder, LocalPolicy, Traversability};
+use crate::model::{Encoder, LandmarkBook, LocalPolicy, Traversability};
 use crate::planner::Planner;
 
-/// The three parts of a learned model; one object often is all of them.
+/// The parts of a learned model; one object often is all of them.
 #[derive(Clone, Copy)]
 pub struct RolloutModel<'a> {
     /// Images to latents.
@@ -14,6 +14,8 @@ pub struct RolloutModel<'a> {
     pub traversability: &'a (dyn Traversability + Sync),
     /// Actions towards a goal state.
     pub policy: &'a (dyn LocalPolicy + Sync),
+    /// What is known of landmarks that the encoder tells, if it tells any.
+    pub landmarks: Option<&'a LandmarkBook>,
 }
 
 /// A composition, ready to be run again and again.

@@ -4,7 +4,7 @@ use std::time::Instant;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::reflex::Reflex;
+use super::reflex::{Reflex, Stillness};
 use crate::planner::LiveDistances;
 use crate::trajectory::{ActionSpace, Observation};
 
@@ -54,13 +54,12 @@ impl Run {
         self.last = Some((classes, before));
     }
 
-    /// What is seen after it.
-    pub(super) fn see(&mut self, observation: &Observation, still_levels: f32) {
-        if let Some((classes, before)) = self.last.take() {
-            self.step += 1;
-            self.reflex
-                .note(&classes, &before, observation, still_levels);
-        }
+    /// What is seen after it. The class of what was done is returned where it had an effect.
+    pub(super) fn see(&mut self, observation: &Observation, stillness: Stillness) -> Option<usize> {
+        let (classes, before) = self.last.take()?;
+        self.step += 1;
+        let has_moved = self.reflex.note(&classes, &before, observation, stillness);
+        classes.first().copied().filter(|_| has_moved)
     }
 }
 

@@ -89,6 +89,7 @@ fn with_policy(with: impl FnOnce(&PolicyService<'_>)) {
         encoder: &eye,
         traversability: &oracle,
         policy: &Onward,
+        landmarks: None,
     };
     let controller = Controller::new(model, corridor(), RolloutOptions::default());
     let label = PolicyLabel {

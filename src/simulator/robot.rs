@@ -194,4 +194,62 @@ mod tests {
         assert!(robot.tool.x_m < 0.70);
         assert_eq!(robot.after(Primitive::EndEffectorForward), robot);
     }
+
+    #[test]
+    fn described_robot_moves_and_sees_as_this_one_does() {
+        use crate::trajectory::{CameraSpec, RobotGeometry};
+        use nalgebra::Point3;
+
+        let described = RobotGeometry::locobot();
+        let mut robot = Robot::at_home([0.0, 0.0], 0.0);
+        let mut posture = described.at_start();
+        let place = Point3::new(0.8, 0.1, 0.3);
+        let moves = [
+            Primitive::BaseForward,
+            Primitive::EndEffectorUp,
+            Primitive::EndEffectorLeft,
+            Primitive::EndEffectorLeft,
+            Primitive::WristDown,
+            Primitive::BaseTurnLeft,
+            Primitive::EndEffectorBackward,
+            Primitive::EndEffectorDown,
+            Primitive::WristUp,
+            Primitive::BaseTurnRight,
+            Primitive::BaseTurnRight,
+            Primitive::BaseBackward,
+            Primitive::EndEffectorRight,
+            Primitive::EndEffectorForward,
+        ];
+        let mut seen = 0;
+        for primitive in moves {
+            robot = robot.after(primitive);
+            posture = described.after(&posture, primitive.name());
+            let stance = robot.stance;
+            for (name, pose, fov) in [
+                ("head", stance.world_from_head_camera(), HEAD_FOV_RAD),
+                ("wrist", stance.world_from_wrist_camera(), WRIST_FOV_RAD),
+            ] {
+                let (name, height, width) = (name.to_owned(), 90, 160);
+                let camera = CameraSpec {
+                    name,
+                    height,
+                    width,
+                };
+                let Some([x, y]) = described.pixel(&posture, &camera, &place) else {
+                    continue;
+                };
+                let there = pose.inverse_transform_point(&place);
+                let focal = 45.0 / (0.5 * fov).tan();
+                let off_x = x - (80.0 - focal * there.y / there.x);
+                let off_y = y - (45.0 - focal * there.z / there.x);
+                assert!(
+                    off_x.hypot(off_y) < 0.02,
+                    "{primitive:?}, {}: {x} {y}",
+                    camera.name
+                );
+                seen += 1;
+            }
+        }
+        assert!(seen > 20, "{seen}");
+    }
 }

@@ -4,6 +4,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 
 use super::augmentation::{Mirror, Variation, vary};
+use super::landmarks::Landmarks;
 use super::loss::Targets;
 use super::masks::{MaskSizes, MaskValues};
 use super::motion_to_go::{MotionTargets, MotionToGo};
@@ -109,6 +110,8 @@ pub struct StepInput {
     pub targets: Targets,
     /// What the robot still does from the states.
     pub motion: MotionTargets,
+    /// For each camera where its landmarks are; empty where none are learnt.
+    pub landmarks: Vec<Vec<f32>>,
 }
 
 /// Makes the input of a step from the seed and the step's number alone, so that a training that was
@@ -120,6 +123,8 @@ pub struct Batcher<'a> {
     pub sampler: Sampler,
     /// What the robot still does from each state; empty where that is not learnt.
     pub motion: MotionToGo,
+    /// Where landmarks are in the pictures of each state; none where they are not learnt.
+    pub landmarks: Option<Landmarks>,
     /// The cameras.
     pub pictures: &'a Pictures,
     /// The training's configuration.
@@ -143,6 +148,9 @@ impl Batcher<'_> {
         let mut targets = Targets::of(&draw, self.data, self.config);
         mirror.change(&mut targets.policy.classes);
         let motion = self.motion.targets(&draw.states, &mirror);
+        let landmarks = self.landmarks.as_ref().map_or_else(Vec::new, |landmarks| {
+            landmarks.targets(&draw.states, &variations, &self.pictures.grids)
+        });
         let network = &self.config.network;
         let joins_pixels = network.variant.joins_pixels();
         if joins_pixels {
@@ -183,6 +191,7 @@ impl Batcher<'_> {
             masks,
             targets,
             motion,
+            landmarks,
         }
     }
 }

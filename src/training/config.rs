@@ -1,5 +1,6 @@
 use serde::{Deserialize, Serialize};
 
+use super::landmarks::LandmarkConfig;
 use super::{NetworkVariant, TrainingError};
 
 /// Everything that decides a training; with the same demonstrations it gives the same weights.
@@ -21,6 +22,9 @@ pub struct TrainingConfig {
     /// above the thing lies that is to be taken, from every state on the way to it. 0 is the paper's way. Networks that
     /// join two states in their pixels have no latent of a state and go without.
     pub motion_weight: f32,
+    /// Landmarks that encoders are to find, for robots whose geometry is known; none is the paper's way. Networks
+    /// that join two states in their pixels go without.
+    pub landmarks: Option<LandmarkConfig>,
     /// Share of the demonstrations of each task that is held out; at least one in all.
     pub validation_share: f64,
     /// Number of optimiser steps.
@@ -176,6 +180,7 @@ impl Default for TrainingConfig {
             far_weight: 5.0,
             policy_weight: 5.0,
             motion_weight: 0.0,
+            landmarks: None,
             validation_share: 0.1,
             steps: 5_000,
             validate_every_steps: 250,
@@ -294,6 +299,9 @@ impl TrainingConfig {
             self.motion_weight,
             "it must be 0 or more",
         )?;
+        if let Some(landmarks) = &self.landmarks {
+            landmarks.check(encoder)?;
+        }
         check_validation_share(self.validation_share)?;
         encoder.check_stem("network.encoder.stem_kernel")?;
         demand(

@@ -31,6 +31,7 @@ pub struct Dataset {
 
 #[derive(Debug)]
 struct Labelled {
+    id: String,
     set: usize,
     observations: Vec<Arc<Observation>>,
     /// The class of each head, step after step.
@@ -170,6 +171,15 @@ impl Dataset {
     #[must_use]
     pub fn set_of(&self, trajectory: u32) -> usize {
         self.trajectories[trajectory as usize].set
+    }
+
+    /// The id of a trajectory.
+    ///
+    /// # Panics
+    /// If there is no such trajectory.
+    #[must_use]
+    pub fn id_of(&self, trajectory: u32) -> &str {
+        &self.trajectories[trajectory as usize].id
     }
 
     /// The steps of a trajectory's markers, in order of time.
@@ -343,6 +353,7 @@ fn labelled(
     let actions = trajectory.steps.iter().map(|s| &s.action);
     let gripper = GripperSignal::default().events(&trajectory.action_space, actions);
     Ok(Labelled {
+        id: trajectory.id.clone(),
         set,
         observations,
         classes,

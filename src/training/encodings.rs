@@ -45,11 +45,11 @@ impl Encodings {
     }
 }
 
-/// Latents of so many cameras, all computed at the same time.
-pub fn beside_each_other(
+/// What is made of so many cameras, all computed at the same time.
+pub fn beside_each_other<T: Send>(
     cameras: usize,
-    encode: impl Fn(usize) -> Tensor<2> + Send + Sync,
-) -> Vec<Tensor<2>> {
+    encode: impl Fn(usize) -> T + Send + Sync,
+) -> Vec<T> {
     (0..cameras).into_par_iter().map(encode).collect()
 }
 

@@ -69,6 +69,15 @@ pub enum TrainingError {
         /// The actions, printed.
         space: String,
     },
+    /// Landmarks are to be learnt where there are none.
+    #[error(
+        "landmarks cannot be learnt: {reason}; `robots/locobot.json` shows what landmarks.robot says of a robot, and \
+         `landmarks: null` does without"
+    )]
+    NoLandmarks {
+        /// What is missing.
+        reason: String,
+    },
     /// Two sets have different action spaces.
     #[error(
         "set '{set}' has {found}, set '{first_set}' has {expected}; one model needs one action space"

@@ -5,6 +5,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use super::augmentation::Mirror;
 use super::batch::Pictures;
 use super::held_out_pairs::{across, far_pairs, look_alikes, missed_grasps};
+use super::landmarks::Landmarks;
 use super::loss::{indices, near_class, near_class_weights};
 use super::motion_to_go::{MotionTargets, MotionToGo};
 use super::network::HeadKind;
@@ -36,6 +37,8 @@ pub struct ValidationSet {
     across: Vec<(u32, u32)>,
     /// The motion to go of the states that have one.
     motion: MotionTargets,
+    /// The landmarks of the states, where they are learnt.
+    landmarks: Option<Landmarks>,
 }
 
 /// What a validation found.
@@ -99,6 +102,7 @@ impl ValidationSet {
             across: across(data, trajectories, &states, config),
             motion: MotionToGo::of_training(data, trajectories, config)
                 .targets(&states, &Mirror::NONE),
+            landmarks: Landmarks::of_training(data, trajectories, config),
             states,
         })
     }
@@ -153,6 +157,12 @@ impl ValidationSet {
         }
         metrics.motion_explained =
             (network.motion_of(&latents)).and_then(|told| self.motion_explained(&told));
+        if let Some(landmarks) = &self.landmarks {
+            let told = network.landmarks_of(&latents).into_iter().map(values);
+            let told: Vec<Vec<f32>> = told.collect();
+            metrics.landmark_error_pixels =
+                landmarks.error_pixels(&self.states, &told, &pictures.grids);
+        }
         let accuracy = metrics
             .policy_accuracy_across
             .unwrap_or(metrics.policy_accuracy);

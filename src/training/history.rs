@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use super::{StepLosses, TrainingError};
 use crate::model::ValidationMetrics;
 
-const HEADER: &str = "step,learning_rate,total,near,far,policy,motion,validation_traversability_loss,\
+const HEADER: &str = "step,learning_rate,total,near,far,policy,motion,landmarks,validation_traversability_loss,\
 validation_traversability_accuracy,validation_wormhole_rate,validation_look_alike_wormhole_rate,validation_policy_loss,\
-validation_policy_accuracy,validation_policy_accuracy_across,validation_motion_explained\n";
+validation_policy_accuracy,validation_policy_accuracy_across,validation_motion_explained,validation_landmark_error_pixels\n";
 
 /// The losses of a training as `losses.csv` in its run folder, a row a step.
 pub struct History {
@@ -42,12 +42,13 @@ impl History {
             far,
             policy,
             motion,
+            landmarks,
         } = losses;
         let tail = validation.map_or_else(
-            || ",,,,,,,".to_owned(),
+            || ",,,,,,,,".to_owned(),
             |v| {
                 format!(
-                    "{:.5},{:.5},{:.5},{:.5},{:.5},{:.5},{},{}",
+                    "{:.5},{:.5},{:.5},{:.5},{:.5},{:.5},{},{},{}",
                     v.traversability_loss,
                     v.traversability_accuracy,
                     v.wormhole_rate,
@@ -56,11 +57,12 @@ impl History {
                     v.policy_accuracy,
                     optional(v.policy_accuracy_across),
                     optional(v.motion_explained),
+                    optional(v.landmark_error_pixels),
                 )
             },
         );
         let row = format!(
-            "{step},{learning_rate:.3e},{total:.5},{near:.5},{far:.5},{policy:.5},{motion:.5},{tail}"
+            "{step},{learning_rate:.3e},{total:.5},{near:.5},{far:.5},{policy:.5},{motion:.5},{landmarks:.5},{tail}"
         );
         self.table.add(&row, validation.is_some())
     }
@@ -163,6 +165,6 @@ mod tests {
         let text = fs::read_to_string(&path).unwrap();
         let steps: Vec<_> = text.lines().skip(1).map(|l| &l[..1]).collect();
         assert_eq!(steps, ["1", "2", "3", "4"]);
-        assert!(text.ends_with("0.00000,,\n"));
+        assert!(text.ends_with("0.00000,,,\n"));
     }
 }

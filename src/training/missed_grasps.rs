@@ -81,6 +81,21 @@ pub fn missed_grasps(
         })
 }
 
+/// When a gripper closed and opened, without closings that missed and the openings that took them back.
+pub fn lasting_events(
+    events: &[(usize, GripperEvent)],
+    markers: &[usize],
+    config: &ImitationConfig,
+) -> Vec<(usize, GripperEvent)> {
+    let missed: Vec<usize> = closings(events, markers, config)
+        .filter(|closing| closing.outcome == Outcome::Missed)
+        .flat_map(|closing| [Some(closing.closed), closing.opened])
+        .flatten()
+        .collect();
+    let lasting = events.iter().filter(|(step, _)| !missed.contains(step));
+    lasting.copied().collect()
+}
+
 #[cfg(test)]
 mod tests {
     use GripperEvent::{Close, Open};

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use super::augmentation::Mirror;
-use super::missed_grasps::{Outcome, closings};
+use super::missed_grasps::lasting_events;
 use super::{Dataset, ImitationConfig, StateRef, TrainingConfig, TrainingError};
 use crate::task::GripperSignal;
 use crate::trajectory::ActionSpace;
@@ -20,6 +20,16 @@ pub fn axes(space: &ActionSpace) -> Vec<Axis> {
         .filter_map(|(one, other)| Some((one, other?)))
         .filter(|(one, other)| one < other)
         .collect()
+}
+
+/// How many values the motion to go has that a network is to tell; 0 where it is to tell none.
+#[must_use]
+pub fn motion_axes(space: &ActionSpace, config: &TrainingConfig) -> usize {
+    if config.tells_motion() {
+        axes(space).len()
+    } else {
+        0
+    }
 }
 
 /// The motion to go of each state of some demonstrations.
@@ -107,17 +117,15 @@ fn along(
     axes: &[Axis],
     imitation: &ImitationConfig,
 ) -> Vec<Option<Vec<f32>>> {
-    let events = data.gripper_events(trajectory);
-    let markers = data.marker_steps(trajectory);
-    let missed: Vec<usize> = closings(events, markers, imitation)
-        .filter(|closing| closing.outcome == Outcome::Missed)
-        .flat_map(|closing| [Some(closing.closed), closing.opened])
-        .flatten()
-        .collect();
+    let (events, markers) = (
+        data.gripper_events(trajectory),
+        data.marker_steps(trajectory),
+    );
+    let events = lasting_events(events, markers, imitation);
     let mut counted: Option<Vec<i32>> = None;
     let mut found = vec![None; data.steps(trajectory)];
     for (step, values) in found.iter_mut().enumerate().rev() {
-        if events.iter().any(|(at, _)| *at == step) && !missed.contains(&step) {
+        if events.iter().any(|(at, _)| *at == step) {
             counted = Some(vec![0; axes.len()]);
         }
         let Some(counts) = counted.as_mut() else {

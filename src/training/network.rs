@@ -6,6 +6,7 @@ mod encoder;
 mod head;
 mod initialiser;
 mod keypoints;
+mod landmarks;
 mod motion_head;
 
 pub use convolution::StandardisedConvolution;
@@ -13,6 +14,7 @@ pub use encoder::{CameraEncoder, ResidualBlock, Stage, feature_maps};
 pub use head::{Dense, FlowHead};
 pub use initialiser::Initialiser;
 pub use keypoints::{Keypoints, coordinate_values};
+pub use landmarks::{LANDMARK_VALUES, Landmarks, PEAK_GAIN, PLACE_GAIN, place_values};
 pub use motion_head::MotionHead;
 
 use burn::module::Module;
@@ -50,6 +52,19 @@ pub enum HeadKind {
     Policy,
 }
 
+/// What a network is to give.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OutputSizes {
+    /// Traversability classes.
+    pub d_max: usize,
+    /// Classes of all action dimensions together.
+    pub action_classes: usize,
+    /// Values of the motion to go; 0 leaves its head out.
+    pub motion_axes: usize,
+    /// Landmarks that each camera tells; 0 leaves them out.
+    pub landmarks: usize,
+}
+
 /// What is left out of the pairs of a batch while training.
 #[derive(Clone, Copy, Debug)]
 pub struct PairMasks<'a> {
@@ -61,25 +76,28 @@ pub struct PairMasks<'a> {
 
 impl LatentFlowNetwork {
     /// A network with random weights: the same seed gives the same weights.
-    ///
-    /// `motion_axes` is how many values the motion to go has; 0 leaves its head out.
     #[must_use]
     pub fn new(
         grids: &[PatchGrid],
         config: &NetworkConfig,
-        d_max: usize,
-        action_classes: usize,
-        motion_axes: usize,
+        sizes: OutputSizes,
         seed: u64,
         device: &Device,
     ) -> Self {
         let mut init = Initialiser::new(seed, device);
+        let OutputSizes {
+            d_max,
+            action_classes,
+            motion_axes,
+            landmarks,
+        } = sizes;
         let encoded = grids.len() * config.encoder.latent_dim;
         let latent_dim = encoded + motion_axes;
+        let (encoder, variant) = (&config.encoder, config.variant);
         Self {
             encoders: grids
                 .iter()
-                .map(|grid| CameraEncoder::new(grid, &config.encoder, config.variant, &mut init))
+                .map(|grid| CameraEncoder::new(grid, encoder, variant, landmarks, &mut init))
                 .collect(),
             traversability: FlowHead::new(latent_dim, config, d_max, &mut init),
             policy: FlowHead::new(latent_dim, config, action_classes, &mut init),
@@ -104,8 +122,8 @@ impl LatentFlowNetwork {
     }
 
     /// Latents `[states, latent_dim]` from the patches of each camera (`[states, positions, patch_len]`):
-    /// cameras one after another, then the motion to go where it is learnt. Where states are joined in their
-    /// pixels, all cameras' maps of the states
+    /// cameras one after another, then the motion to go where it is learnt, then each camera's landmarks where they
+    /// are told, which the heads do not see. Where states are joined in their pixels, all cameras' maps of the states
     /// as those that are left, then all of them as those to be reached. `block_masks` switch residual blocks
     /// off while training.
     #[must_use]
@@ -120,12 +138,20 @@ impl LatentFlowNetwork {
                 .unzip();
             return Tensor::cat([left, reached].concat(), 1);
         }
-        let encode = |camera| self.encode_camera(camera, &patches, block_masks);
-        let latents = beside_each_other(self.encoders.len(), encode);
-        self.with_motion(Tensor::cat(latents, 1))
+        let encode = |camera: usize| {
+            let masks = block_masks.map(|m| m[camera].as_slice());
+            self.encoders[camera].forward(patches[camera].clone(), masks)
+        };
+        let (latents, landmarks): (Vec<_>, Vec<_>) = beside_each_other(self.encoders.len(), encode)
+            .into_iter()
+            .unzip();
+        let seen = self.with_motion(Tensor::cat(latents, 1));
+        let parts = [Some(seen)].into_iter().chain(landmarks);
+        Tensor::cat(parts.flatten().collect(), 1)
     }
 
-    /// What the encoder of one camera makes of its patches, where states are not joined in their pixels.
+    /// What the encoder of one camera makes of its patches, where states are not joined in their pixels: a latent,
+    /// and the logits of landmarks after it.
     #[must_use]
     pub fn encode_camera(
         &self,
@@ -134,7 +160,41 @@ impl LatentFlowNetwork {
         block_masks: Option<&[Vec<Tensor<4>>]>,
     ) -> Tensor<2> {
         let masks = block_masks.map(|m| m[camera].as_slice());
-        self.encoders[camera].forward(patches[camera].clone(), masks)
+        self.encoders[camera].forward_with_logits(patches[camera].clone(), masks)
+    }
+
+    /// Parts what [`encode_camera`](Self::encode_camera) gave of all cameras, one after another, into their latents
+    /// and the logits of each camera's landmarks, `[states, count, cells]`.
+    #[must_use]
+    pub fn part(&self, encoded: &Tensor<2>) -> (Tensor<2>, Vec<Tensor<3>>) {
+        let (mut latents, mut logits, mut start) = (Vec::new(), Vec::new(), 0);
+        let states = encoded.dims()[0];
+        for encoder in &self.encoders {
+            let Some(landmarks) = &encoder.landmarks else {
+                return (encoded.clone(), Vec::new());
+            };
+            let width = encoder.latent_dim();
+            latents.push(encoded.clone().narrow(1, start, width));
+            let (count, cells) = (landmarks.count(), encoder.rows * encoder.columns);
+            let flat = encoded.clone().narrow(1, start + width, count * cells);
+            logits.push(flat.reshape([states, count, cells]));
+            start += width + count * cells;
+        }
+        (Tensor::cat(latents, 1), logits)
+    }
+
+    /// What latents hold of each camera's landmarks, `[states, 3 * count]`; empty where none are told.
+    #[must_use]
+    pub fn landmarks_of(&self, latents: &Tensor<2>) -> Vec<Tensor<2>> {
+        let mut start = self.policy.from.val().dims()[0];
+        let landmarks = self.encoders.iter().filter_map(|e| e.landmarks.as_ref());
+        landmarks
+            .map(|landmarks| {
+                let width = LANDMARK_VALUES * landmarks.count();
+                start += width;
+                latents.clone().narrow(1, start - width, width)
+            })
+            .collect()
     }
 
     /// The motion to go added to what the encoders made of states, where it is learnt.
@@ -150,8 +210,8 @@ impl LatentFlowNetwork {
     #[must_use]
     pub fn motion_of(&self, latents: &Tensor<2>) -> Option<Tensor<2>> {
         let axes = self.motion.as_ref()?.axes();
-        let [_, width] = latents.dims();
-        Some(latents.clone().narrow(1, width - axes, axes))
+        let seen = self.policy.from.val().dims()[0];
+        Some(latents.clone().narrow(1, seen - axes, axes))
     }
 
     /// What each state brings to a pair when it is left, and when it is to be reached: `[states, width]`

@@ -1,3 +1,4 @@
+use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::batch::{Pictures, StepInput};
@@ -35,7 +36,8 @@ impl Objective {
             let encode = |camera| network.encode_camera(camera, &patches, Some(&blocks));
             Encodings::of(patches.len(), encode)
         };
-        let latents = network.with_motion(encodings.latents());
+        let (encoded, landmark_logits) = network.part(&encodings.latents());
+        let latents = network.with_motion(encoded);
 
         let targets = &input.targets;
         let pairs = &targets.traversability;
@@ -66,10 +68,19 @@ impl Objective {
             _ => Tensor::zeros([1], device),
         };
 
+        let landmarks = match &config.landmarks {
+            Some(_) if !landmark_logits.is_empty() => {
+                landmark_error(&landmark_logits, input.landmarks, device)
+            }
+            _ => Tensor::zeros([1], device),
+        };
+        let landmark_weight = config.landmarks.as_ref().map_or(0.0, |l| l.weight);
+
         let total = near.clone()
             + far.clone()
             + policy.clone() * config.policy_weight
-            + motion.clone() * config.motion_weight;
+            + motion.clone() * config.motion_weight
+            + landmarks.clone() * landmark_weight;
         let policy_share = pairs.weights.iter().sum::<f32>().max(f32::MIN_POSITIVE);
         Self {
             losses: StepLosses {
@@ -78,6 +89,7 @@ impl Objective {
                 far: far.into_scalar::<f32>() / (0.5 * config.far_weight),
                 policy: policy.into_scalar::<f32>() / policy_share,
                 motion: motion.into_scalar::<f32>(),
+                landmarks: landmarks.into_scalar::<f32>(),
             },
             total,
             encodings,
@@ -106,6 +118,16 @@ fn motion_error(told: &Tensor<2>, targets: &MotionTargets) -> Tensor<1> {
     let wanted = TensorData::new(targets.values.clone(), told.dims());
     let error = told - Tensor::from_data(wanted, &device);
     (error.clone() * error).mean()
+}
+
+/// Mean over cameras of the cross-entropy between where landmarks are and where they are told to be.
+fn landmark_error(logits: &[Tensor<3>], wanted: Vec<Vec<f32>>, device: &Device) -> Tensor<1> {
+    let cameras = logits.len();
+    let of_cameras = logits.iter().zip(wanted).map(|(logits, wanted)| {
+        let wanted = Tensor::<3>::from_data(TensorData::new(wanted, logits.dims()), device);
+        (log_softmax(logits.clone(), 2) * wanted).sum()
+    });
+    -of_cameras.fold(Tensor::zeros([1], device), |sum, one| sum + one) / cameras as f64
 }
 
 fn sum_of(values: &Tensor<1>, start: usize, end: usize, device: &Device) -> Tensor<1> {

@@ -15,6 +15,8 @@ pub struct StepLosses {
     pub policy: f32,
     /// Mean squared error of the motion to go; 0 where it is not learnt.
     pub motion: f32,
+    /// Cross-entropy between where landmarks are and where they are told to be; 0 where none are learnt.
+    pub landmarks: f32,
 }
 
 /// What happens during a training.

@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::{EncoderConfig, TrainingConfig};
+use super::{EncoderConfig, LandmarkConfig, TrainingConfig};
 
 /// Ready-made configurations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -9,8 +9,8 @@ pub enum Preset {
     /// The paper's set-up: two cameras of about 90x160, tens of demonstrations of 40 to 100 steps, far
     /// pairs uniformly at random.
     Paper,
-    /// The paper's set-up with hard far pairs besides the uniform ones, which halves the share of
-    /// look-alikes that are taken for near.
+    /// What does best in the bedroom: one frame a state, hard far pairs besides the uniform ones, goal states of other
+    /// demonstrations, mirrored batches, the motion to go and landmarks.
     Bedroom,
     /// Small images and few, short demonstrations.
     Small,
@@ -50,6 +50,9 @@ impl Preset {
 
 fn bedroom() -> TrainingConfig {
     let mut config = TrainingConfig {
+        stack: 1,
+        motion_weight: 2.0,
+        landmarks: Some(LandmarkConfig::bedroom()),
         validation_share: 0.067,
         ..TrainingConfig::default()
     };

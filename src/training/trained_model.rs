@@ -4,11 +4,13 @@ use burn::tensor::Device;
 
 use super::batch::Pictures;
 use super::checkpoint::{BestSoFar, Checkpoint};
-use super::motion_to_go::axes;
+use super::landmarks::landmark_count;
+use super::motion_to_go::motion_axes;
+use super::network::{LANDMARK_VALUES, OutputSizes};
 use super::patches::PatchGrid;
 use super::weights::{NamedWeights, assign, collect, weight_count};
 use super::{ChannelNormalisation, Dataset, LatentFlowNetwork, TrainingConfig, TrainingError};
-use crate::model::{ModelSpec, ValidationMetrics};
+use crate::model::{LandmarkBook, ModelSpec, ValidationMetrics};
 
 /// A network with everything that is needed to export it.
 #[derive(Debug)]
@@ -27,6 +29,8 @@ pub struct TrainedModel {
     pub step: u64,
     /// How well they do on held-out demonstrations.
     pub metrics: ValidationMetrics,
+    /// What is known of its landmarks; none where the demonstrations are not at hand.
+    pub landmarks: Option<LandmarkBook>,
 }
 
 impl TrainedModel {
@@ -91,6 +95,7 @@ impl TrainedModel {
             temperature: best.temperature,
             step: best.step,
             metrics: best.metrics.clone(),
+            landmarks: None,
         })
     }
 
@@ -125,7 +130,8 @@ pub(super) fn spec_of(data: &Dataset, config: &TrainingConfig) -> ModelSpec {
         d_max: config.d_max,
         latent_dim: data.cameras().len() * network.encoder.latent_dim,
     };
-    spec.latent_dim += motion_axes(&spec, config);
+    spec.latent_dim += data.cameras().len() * LANDMARK_VALUES * landmark_count(config);
+    spec.latent_dim += motion_axes(&spec.action_space, config);
     if network.variant.joins_pixels() {
         let grids = grids_of(&spec, config);
         let positions: usize = grids.iter().map(PatchGrid::positions).sum();
@@ -158,19 +164,13 @@ pub(super) fn network_of(
     LatentFlowNetwork::new(
         &grids_of(spec, config),
         &config.network,
-        spec.d_max,
-        spec.action_space.head_sizes().iter().sum(),
-        motion_axes(spec, config),
+        OutputSizes {
+            d_max: spec.d_max,
+            action_classes: spec.action_space.head_sizes().iter().sum(),
+            motion_axes: motion_axes(&spec.action_space, config),
+            landmarks: landmark_count(config),
+        },
         config.seed,
         device,
     )
-}
-
-/// How many values the motion to go has that a network is to tell; 0 where it is to tell none.
-fn motion_axes(spec: &ModelSpec, config: &TrainingConfig) -> usize {
-    if config.tells_motion() {
-        axes(&spec.action_space).len()
-    } else {
-        0
-    }
 }

@@ -6,8 +6,9 @@ use super::augmentation::check_mirror;
 use super::batch::{Batcher, Pictures, StepInput};
 use super::checkpoint::{BestSoFar, Checkpoint, TrainingState};
 use super::course::{self, Course, Pace, Progress, Sizes};
-use super::evaluation::ValidationSet;
+use super::evaluation::{ValidationSet, encode, values};
 use super::history::History;
+use super::landmarks::{Landmarks, check_landmarks};
 use super::learner::Learner;
 use super::motion_to_go::{MotionToGo, check_motion};
 use super::objective::Objective;
@@ -17,8 +18,8 @@ use super::{
     ChannelNormalisation, Dataset, LatentFlowNetwork, StepLosses, TrainedModel, TrainingConfig,
     TrainingError, TrainingEvent, TrainingObserver, training_device,
 };
-use crate::model::ValidationMetrics;
-use crate::trajectory::DemonstrationSet;
+use crate::model::{LandmarkBook, ValidationMetrics};
+use crate::trajectory::{DemonstrationSet, State};
 
 /// What came of a training.
 #[derive(Debug)]
@@ -81,6 +82,7 @@ struct Run<'a> {
     pictures: Pictures,
     batches: Sampler,
     motion: MotionToGo,
+    landmarks: Option<Landmarks>,
     validation: ValidationSet,
     training_states: usize,
     learner: Learner<LatentFlowNetwork>,
@@ -97,6 +99,7 @@ impl<'a> Run<'a> {
     ) -> Result<Self, TrainingError> {
         check_mirror(&config.augmentation, data.action_space())?;
         check_motion(config, data)?;
+        check_landmarks(config, data)?;
         let split = data.split(config.validation_share, config.seed);
         let batches = Sampler::new(
             data,
@@ -128,6 +131,7 @@ impl<'a> Run<'a> {
             pictures,
             batches,
             motion: MotionToGo::of_training(data, &split.training, config),
+            landmarks: Landmarks::of_training(data, &split.training, config),
             validation,
             training_states: data.states_of(&split.training).count(),
             learner: Learner::new(network, &config.optimiser),
@@ -171,6 +175,7 @@ impl<'a> Run<'a> {
             data: self.data,
             sampler: self.batches.clone(),
             motion: self.motion.clone(),
+            landmarks: self.landmarks.clone(),
             pictures: &pictures,
             config: &config,
         };
@@ -184,7 +189,7 @@ impl<'a> Run<'a> {
         let best = state
             .best
             .ok_or_else(|| unusable("it says finished without a validation".to_owned()))?;
-        let model = TrainedModel::with_weights(
+        let mut model = TrainedModel::with_weights(
             state.spec,
             state.config,
             state.normalisation,
@@ -192,6 +197,9 @@ impl<'a> Run<'a> {
             &self.learner.best,
         )
         .map_err(unusable)?;
+        if let Some(landmarks) = &self.landmarks {
+            model.landmarks = landmark_book(landmarks, &model, self.data, &self.pictures);
+        }
         Ok(TrainingReport {
             model,
             steps: state.progress.step,
@@ -311,6 +319,26 @@ impl Course for Run<'_> {
         self.learner
             .write_checkpoint(state, step, self.folder, observer)
     }
+}
+
+/// What a model says of its landmarks, with how well it sees them in all demonstrations that it was trained on.
+fn landmark_book(
+    landmarks: &Landmarks,
+    model: &TrainedModel,
+    data: &Dataset,
+    pictures: &Pictures,
+) -> Option<LandmarkBook> {
+    let seen = landmarks.states_before_events();
+    let states: Vec<State> = (seen.iter())
+        .map(|at| data.state(*at, model.config.stack))
+        .collect();
+    let latents = encode(&model.network, &states, pictures, &Device::flex())
+        .expect("the dataset has every camera in every observation");
+    let told: Vec<Vec<f32>> = (model.network.landmarks_of(&latents).into_iter())
+        .map(values)
+        .collect();
+    let errors = landmarks.errors_before_events(&seen, &told, &pictures.grids);
+    Landmarks::book(data, &model.config, &pictures.grids, &errors)
 }
 
 #[cfg(test)]

@@ -7,7 +7,8 @@ use super::near;
 use crate::inference::{EngineChoice, Model};
 use crate::model::{Encoder, LocalPolicy, Traversability};
 use crate::training::{
-    Dataset, NetworkVariant, Preset, ReferenceOutputs, TrainedModel, TrainingConfig, export,
+    Dataset, LandmarkConfig, NetworkVariant, Preset, ReferenceOutputs, TrainedModel,
+    TrainingConfig, export,
 };
 use crate::trajectory::{
     Action, ActionSpace, DemonstrationSet, Image, Observation, State, Step, Trajectory,
@@ -106,6 +107,16 @@ fn a_network_that_tells_the_motion_to_go_agrees_with_burn() {
     let mut config = Preset::Tiny.config();
     config.motion_weight = 1.0;
     agrees_with_burn(&config);
+}
+
+#[test]
+fn a_network_that_finds_landmarks_agrees_with_burn() {
+    for stages in [vec![8], vec![8, 8]] {
+        let mut config = Preset::Tiny.config();
+        config.landmarks = Some(LandmarkConfig::bedroom());
+        config.network.encoder.stage_channels = stages;
+        agrees_with_burn(&config);
+    }
 }
 
 fn agrees_with_burn(config: &TrainingConfig) {

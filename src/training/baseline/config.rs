@@ -3,7 +3,8 @@ use serde::{Deserialize, Serialize};
 use crate::model::BaselineMethod;
 use crate::training::config::{check_shares, check_validation_share, demand};
 use crate::training::{
-    AugmentationConfig, EncoderConfig, ImitationConfig, OptimiserConfig, Preset, TrainingError,
+    AugmentationConfig, EncoderConfig, ImitationConfig, OptimiserConfig, Preset, TrainingConfig,
+    TrainingError,
 };
 
 /// Everything that decides the training of a baseline; with the same demonstrations it gives the same weights.
@@ -101,10 +102,11 @@ impl BaselineConfig {
         Self {
             method,
             seed: ours.seed,
+            // As the paper has it, whatever does best for our method.
             stack: if method == BaselineMethod::Mvp {
                 1
             } else {
-                ours.stack
+                TrainingConfig::default().stack
             },
             history,
             validation_share: ours.validation_share,

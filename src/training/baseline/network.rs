@@ -54,6 +54,7 @@ impl BaselineNetwork {
                         grid,
                         &config.encoder,
                         NetworkVariant::LatentFlow,
+                        0,
                         &mut init,
                     ));
                 }
@@ -91,7 +92,7 @@ impl BaselineNetwork {
         Encodings::of(patches.len(), |camera| {
             let (patches, masks) = (patches[camera].clone(), masks[camera].as_deref());
             match self.encoders.get(camera) {
-                Some(encoder) => encoder.forward(patches, masks),
+                Some(encoder) => encoder.forward(patches, masks).0,
                 None => self.token_encoders[camera].forward(patches, masks),
             }
         })

@@ -51,7 +51,8 @@ impl TokenEncoder {
     #[must_use]
     pub fn forward(&self, patches: Tensor<3>, masks: Option<&[Tensor<4>]>) -> Tensor<2> {
         let size = [self.rows, self.columns];
-        let (_, map) = feature_maps(&self.stem, &self.stages, size, patches, masks);
+        let maps = feature_maps(&self.stem, &self.stages, size, patches, masks);
+        let map = maps[maps.len() - 1].clone();
         let [n, rows, columns, channels] = map.dims();
         let cells = rows * columns;
         let places = TensorData::new(coordinate_values(rows, columns), [1, cells, 2]);

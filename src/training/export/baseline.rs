@@ -50,9 +50,12 @@ fn encoder(baseline: &TrainedBaseline) -> Vec<u8> {
         &baseline.pictures(),
         baseline.spec.latent_dim,
         None,
-        |graph, camera, grid, input| match network.encoders.get(camera) {
-            Some(encoder) => camera_encoder(graph, encoder, grid, input),
-            None => tokens::token_encoder(graph, &network.token_encoders[camera], grid, input),
+        |graph, camera, grid, input| {
+            if let Some(encoder) = network.encoders.get(camera) {
+                return camera_encoder(graph, encoder, grid, input);
+            }
+            let encoder = &network.token_encoders[camera];
+            (tokens::token_encoder(graph, encoder, grid, input), None)
         },
     )
 }

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::graphs;
 use crate::model::{
-    ENCODER_FILE, MANIFEST_FILE, MODEL_FORMAT_VERSION, ModelManifest, POLICY_FILE, PROJECTION_FILE,
-    TRAVERSABILITY_FILE, TrainingRecord, file_digests,
+    ENCODER_FILE, LANDMARKS_FILE, MANIFEST_FILE, MODEL_FORMAT_VERSION, ModelManifest, POLICY_FILE,
+    PROJECTION_FILE, TRAVERSABILITY_FILE, TrainingRecord, file_digests,
 };
 use crate::training::{TrainedModel, TrainingError};
 
@@ -18,17 +18,26 @@ use crate::training::{TrainedModel, TrainingError};
 ///
 /// # Errors
 /// [`TrainingError::Io`] when a file cannot be written.
+///
+/// # Panics
+/// Never: what is known of landmarks has a JSON form.
 pub fn export(
     model: &TrainedModel,
     datasets: BTreeMap<String, String>,
     folder: &Path,
 ) -> Result<ModelManifest, TrainingError> {
-    let files = [
+    let mut files = vec![
         (ENCODER_FILE, graphs::encoder(model)),
         (PROJECTION_FILE, graphs::projection(model)),
         (TRAVERSABILITY_FILE, graphs::traversability(model)),
         (POLICY_FILE, graphs::policy(model)),
     ];
+    if let Some(book) = &model.landmarks {
+        files.push((
+            LANDMARKS_FILE,
+            serde_json::to_vec(book).expect("a book of landmarks has a JSON form"),
+        ));
+    }
     let manifest = manifest(model, datasets, &files);
     write_folder(folder, &files, &manifest.to_json())?;
     Ok(manifest)

@@ -5,8 +5,8 @@ use crate::training::TrainedModel;
 use crate::training::batch::Pictures;
 use crate::training::evaluation::values;
 use crate::training::network::{
-    CameraEncoder, Dense, FlowHead, HeadKind, Keypoints, MotionHead, ResidualBlock, Stage,
-    coordinate_values,
+    CameraEncoder, Dense, FlowHead, HeadKind, Keypoints, LANDMARK_VALUES, Landmarks, MotionHead,
+    PEAK_GAIN, ResidualBlock, Stage, coordinate_values, place_values,
 };
 use crate::training::patches::PatchGrid;
 
@@ -37,24 +37,28 @@ pub fn encoder(model: &TrainedModel) -> Vec<u8> {
 }
 
 /// A network from the raw pixel values of each camera to one latent; `encode` adds what turns the normalised
-/// values of a camera into its part, and `told` what the latent tells of the motion to go.
+/// values of a camera into its part, and into landmarks that are not for the heads, and `told` what the latent tells
+/// of the motion to go.
 pub fn of_cameras(
     pictures: &Pictures,
     latent_dim: usize,
     told: Option<&MotionHead>,
-    encode: impl Fn(&mut OnnxGraph, usize, &PatchGrid, &str) -> String,
+    encode: impl Fn(&mut OnnxGraph, usize, &PatchGrid, &str) -> (String, Option<String>),
 ) -> Vec<u8> {
     let mut graph = OnnxGraph::default();
     let inputs = normalised_inputs(&mut graph, pictures);
     let cameras = pictures.grids.iter().zip(&inputs).enumerate();
-    let parts: Vec<String> = cameras
+    let (parts, landmarks): (Vec<String>, Vec<Option<String>>) = cameras
         .map(|(camera, (grid, input))| encode(&mut graph, camera, grid, input))
-        .collect();
+        .unzip();
     let mut latent = concat(&mut graph, &parts);
     if let Some(head) = told {
         let motion = motion(&mut graph, head, &latent);
         latent = concat(&mut graph, &[latent, motion]);
     }
+    let landmarks = landmarks.into_iter().flatten();
+    let all: Vec<String> = [latent].into_iter().chain(landmarks).collect();
+    let latent = concat(&mut graph, &all);
     graph.output("latent", &latent, &[latent_dim]);
     graph.into_model("encoder")
 }
@@ -95,13 +99,13 @@ fn concat(graph: &mut OnnxGraph, parts: &[String]) -> String {
     }
 }
 
-/// The latent of one camera from its normalised values.
+/// The latent of one camera from its normalised values, and the landmarks where they are told.
 pub fn camera_encoder(
     graph: &mut OnnxGraph,
     encoder: &CameraEncoder,
     grid: &PatchGrid,
     input: &str,
-) -> String {
+) -> (String, Option<String>) {
     let (weight, bias) = (encoder.stem.weight.val(), encoder.stem.bias.val());
     let seen = stem(graph, weight, Some(bias), grid, input);
     camera_latent(graph, encoder, &seen)
@@ -130,47 +134,98 @@ fn half_map(
     graph.node("Flatten", &[&map], &[Attribute::Int("axis", 1)])
 }
 
-/// From what the first layer made of a state, or of a pair, to the latent.
-fn camera_latent(graph: &mut OnnxGraph, encoder: &CameraEncoder, seen: &str) -> String {
-    let (first, x) = after_first_layer(graph, &encoder.stages, seen);
+/// From what the first layer made of a state, or of a pair, to the latent, and to the landmarks where they are told.
+fn camera_latent(
+    graph: &mut OnnxGraph,
+    encoder: &CameraEncoder,
+    seen: &str,
+) -> (String, Option<String>) {
+    let maps = after_first_layer(graph, &encoder.stages, seen);
+    let (first, x) = (&maps[1.min(maps.len() - 1)], &maps[maps.len() - 1]);
     let places = encoder.keypoints.as_ref().map(|found| {
         let size = [encoder.rows / 2, encoder.columns / 2];
-        keypoints(graph, found, size, &first)
+        keypoints(graph, found, size, first)
     });
-    let flat = graph.node("Flatten", &[&x], &[Attribute::Int("axis", 1)]);
-    let latent = latent(graph, encoder, &flat);
-    match places {
-        Some(places) => graph.node("Add", &[&latent, &places], &[]),
-        None => latent,
+    let flat = graph.node("Flatten", &[x], &[Attribute::Int("axis", 1)]);
+    let mut latent = latent(graph, encoder, &flat);
+    if let Some(places) = places {
+        latent = graph.node("Add", &[&latent, &places], &[]);
     }
+    let size = [encoder.rows, encoder.columns];
+    let told = (encoder.landmarks.as_ref()).map(|found| landmarks(graph, found, size, &maps));
+    (latent, told)
 }
 
-/// The maps after the first stage and after the last, `[n, channels, rows, columns]`.
+/// The values of landmarks, `[n, 3 * count]`, from the maps of the first layer and of each stage.
+fn landmarks(
+    graph: &mut OnnxGraph,
+    landmarks: &Landmarks,
+    [rows, columns]: [usize; 2],
+    maps: &[String],
+) -> String {
+    let (count, cells) = (landmarks.count(), rows * columns);
+    let flat = graph.shape(&[0, count, cells]);
+    let own = on_each_cell(graph, &landmarks.own, &maps[0]);
+    let own = graph.node("Reshape", &[&own, &flat], &[]);
+    let hidden = on_each_cell(graph, &landmarks.hidden, &maps[1]);
+    let hidden = graph.node("Relu", &[&hidden], &[]);
+    let quarters = on_each_cell(graph, &landmarks.quarters, &hidden);
+    let apart = graph.shape(&[0, 2, 2, count, rows / 2, columns / 2]);
+    let quarters = graph.node("Reshape", &[&quarters, &apart], &[]);
+    let order = [Attribute::Ints("perm", &[0, 3, 4, 1, 5, 2])];
+    let quarters = graph.node("Transpose", &[&quarters], &order);
+    let quarters = graph.node("Reshape", &[&quarters, &flat], &[]);
+    let mut logits = graph.node("Add", &[&own, &quarters], &[]);
+    if let Some(around) = &landmarks.around {
+        let side = 4;
+        let few = on_each_cell(graph, around, &maps[2]);
+        let blocks = graph.shape(&[0, count, rows / side, 1, columns / side, 1]);
+        let few = graph.node("Reshape", &[&few, &blocks], &[]);
+        let nothing = graph.constant(&[1, 1, 1, side, 1, side], &vec![0.0; side * side]);
+        let many = graph.node("Add", &[&few, &nothing], &[]);
+        let many = graph.node("Reshape", &[&many, &flat], &[]);
+        logits = graph.node("Add", &[&logits, &many], &[]);
+    }
+    let shares = graph.node("Softmax", &[&logits], &[Attribute::Int("axis", 2)]);
+    let places = graph.constant(&[cells, 2], &place_values(rows, columns));
+    let found = graph.node("MatMul", &[&shares, &places], &[]);
+    let squares = graph.node("Mul", &[&shares, &shares], &[]);
+    let gain = graph.constant(&[cells, 1], &vec![PEAK_GAIN; cells]);
+    let peak = graph.node("MatMul", &[&squares, &gain], &[]);
+    let told = graph.node("Concat", &[&found, &peak], &[Attribute::Int("axis", 2)]);
+    let width = graph.shape(&[0, LANDMARK_VALUES * count]);
+    graph.node("Reshape", &[&told, &width], &[])
+}
+
+/// A layer on each cell of a map: a 1x1 convolution.
+fn on_each_cell(graph: &mut OnnxGraph, layer: &Dense, input: &str) -> String {
+    let [inputs, outputs] = layer.weight.val().dims();
+    let filters: Tensor<4> = (layer.weight.val().transpose()).reshape([outputs, inputs, 1, 1]);
+    convolution(graph, filters, layer.bias.val(), 1, 0, input)
+}
+
+/// The maps of the first layer and of each stage, `[n, channels, rows, columns]`.
 pub fn feature_maps(
     graph: &mut OnnxGraph,
     first_layer: &Dense,
     stages: &[Stage],
     grid: &PatchGrid,
     input: &str,
-) -> (String, String) {
+) -> Vec<String> {
     let (weight, bias) = (first_layer.weight.val(), first_layer.bias.val());
     let seen = stem(graph, weight, Some(bias), grid, input);
     after_first_layer(graph, stages, &seen)
 }
 
 /// The same from what the first layer made of a state, or of a pair.
-fn after_first_layer(graph: &mut OnnxGraph, stages: &[Stage], seen: &str) -> (String, String) {
-    let mut x = graph.node("Relu", &[seen], &[]);
-    let mut first = x.clone();
+fn after_first_layer(graph: &mut OnnxGraph, stages: &[Stage], seen: &str) -> Vec<String> {
+    let mut maps = vec![graph.node("Relu", &[seen], &[])];
     for (index, stage) in stages.iter().enumerate() {
-        let merged = merge(graph, &stage.merge, &x);
+        let merged = merge(graph, &stage.merge, &maps[index]);
         let merged = graph.node("Relu", &[&merged], &[]);
-        x = residual_block(graph, &stage.block, &merged);
-        if index == 0 {
-            first.clone_from(&x);
-        }
+        maps.push(residual_block(graph, &stage.block, &merged));
     }
-    (first, x)
+    maps
 }
 
 /// Softmax over the cells of a map, and the mean place under it.
@@ -180,10 +235,8 @@ fn keypoints(
     [rows, columns]: [usize; 2],
     input: &str,
 ) -> String {
-    let [channels, count] = keypoints.logits.weight.val().dims();
-    let filters: Tensor<4> =
-        (keypoints.logits.weight.val().transpose()).reshape([count, channels, 1, 1]);
-    let logits = convolution(graph, filters, keypoints.logits.bias.val(), 1, 0, input);
+    let [_, count] = keypoints.logits.weight.val().dims();
+    let logits = on_each_cell(graph, &keypoints.logits, input);
     let cells = rows * columns;
     let shape = graph.shape(&[0, count, cells]);
     let logits = graph.node("Reshape", &[&logits, &shape], &[]);
@@ -237,14 +290,7 @@ fn residual_block(graph: &mut OnnxGraph, block: &ResidualBlock, input: &str) -> 
     let bias = neighbours.bias.val();
     let seen = convolution(graph, neighbours.filters(), bias, 1, 1, input);
     let seen = graph.node("Relu", &[&seen], &[]);
-    let [channels, _] = block.cell.weight.val().dims();
-    let filters: Tensor<4> = block
-        .cell
-        .weight
-        .val()
-        .transpose()
-        .reshape([channels, channels, 1, 1]);
-    let branch = convolution(graph, filters, block.cell.bias.val(), 1, 0, &seen);
+    let branch = on_each_cell(graph, &block.cell, &seen);
     let sum = graph.node("Add", &[input, &branch], &[]);
     graph.node("Relu", &[&sum], &[])
 }
@@ -350,12 +396,21 @@ fn project(
     let head = model.network.head(head);
     let (from, to) = head.split();
     let shape = from.dims();
+    // What comes after that in a latent is for others.
+    let seen = |graph: &mut OnnxGraph, latent: &str| {
+        if shape[0] < model.spec.latent_dim {
+            graph.columns(latent, 0..shape[0])
+        } else {
+            latent.to_owned()
+        }
+    };
+    let (left, reached) = (seen(graph, left), seen(graph, reached));
     let from = graph.constant(&shape, &values(from));
     let to = graph.constant(&shape, &values(to));
     let bias = graph.constant(&[shape[1]], &values(head.bias.val()));
     (
-        graph.node("Gemm", &[left, &from, &bias], &[]),
-        graph.node("MatMul", &[reached, &to], &[]),
+        graph.node("Gemm", &[&left, &from, &bias], &[]),
+        graph.node("MatMul", &[&reached, &to], &[]),
     )
 }
 
@@ -379,7 +434,7 @@ fn score(
         let channels = len / (encoder.rows * encoder.columns);
         let shape = graph.shape(&[0, channels, encoder.rows, encoder.columns]);
         let map = graph.node("Reshape", &[&map, &shape], &[]);
-        latents.push(camera_latent(graph, encoder, &map));
+        latents.push(camera_latent(graph, encoder, &map).0);
     }
     let latent = concat(graph, &latents);
     let shape = head.from.val().dims();

@@ -17,7 +17,8 @@ pub fn token_encoder(
     grid: &PatchGrid,
     input: &str,
 ) -> String {
-    let (_, map) = feature_maps(graph, &encoder.stem, &encoder.stages, grid, input);
+    let maps = feature_maps(graph, &encoder.stem, &encoder.stages, grid, input);
+    let map = &maps[maps.len() - 1];
     let (rows, columns) = (
         encoder.rows >> encoder.stages.len(),
         encoder.columns >> encoder.stages.len(),
@@ -30,7 +31,7 @@ pub fn token_encoder(
             .channels
             .transpose()
             .reshape([attention.outputs, attention.inputs, 1, 1]);
-    let logits = convolution(graph, filters, encoder.attention.bias.val(), 1, 0, &map);
+    let logits = convolution(graph, filters, encoder.attention.bias.val(), 1, 0, map);
     let shape = graph.shape(&[0, attention.outputs, cells]);
     let logits = graph.node("Reshape", &[&logits, &shape], &[]);
     let by_place = by_place(&attention.places, &places, attention.outputs);
@@ -40,7 +41,7 @@ pub fn token_encoder(
 
     let token = Split::of(&encoder.token);
     let shape = graph.shape(&[0, token.inputs, cells]);
-    let map = graph.node("Reshape", &[&map, &shape], &[]);
+    let map = graph.node("Reshape", &[map, &shape], &[]);
     let map = graph.node("Transpose", &[&map], &[Attribute::Ints("perm", &[0, 2, 1])]);
     let seen = graph.node("MatMul", &[&shares, &map], &[]);
     let weight = graph.constant(&[token.inputs, token.outputs], &values(token.channels));

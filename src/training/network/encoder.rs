@@ -2,7 +2,7 @@ use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use burn::tensor::activation::relu;
 
-use super::{Dense, Initialiser, Keypoints, StandardisedConvolution};
+use super::{Dense, Initialiser, Keypoints, Landmarks, StandardisedConvolution};
 use crate::training::patches::PatchGrid;
 use crate::training::{EncoderConfig, NetworkVariant};
 
@@ -26,6 +26,8 @@ pub struct CameraEncoder {
     pub latent: Dense,
     /// What the places in the first stage's map add to the latent.
     pub keypoints: Option<Keypoints>,
+    /// Where landmarks are, which is told beside the latent.
+    pub landmarks: Option<Landmarks>,
     /// Rows of patches.
     pub rows: usize,
     /// Columns of patches.
@@ -56,11 +58,12 @@ pub struct ResidualBlock {
 }
 
 impl CameraEncoder {
-    /// An encoder with random weights.
+    /// An encoder with random weights that tells so many landmarks.
     pub fn new(
         grid: &PatchGrid,
         config: &EncoderConfig,
         variant: NetworkVariant,
+        landmarks: usize,
         init: &mut Initialiser,
     ) -> Self {
         let joins = variant.joins_pixels();
@@ -76,6 +79,8 @@ impl CameraEncoder {
             .filter(|_| config.keypoints > 0);
         let keypoints = first
             .map(|channels| Keypoints::new(*channels, config.keypoints, config.latent_dim, init));
+        let widths = [&[config.stem_channels], config.stage_channels.as_slice()].concat();
+        let landmarks = (landmarks > 0).then(|| Landmarks::new(&widths, landmarks, init));
         let deviation = (gain / grid.patch_len() as f64).sqrt();
         let shape = [grid.patch_len(), config.stem_channels];
         Self {
@@ -83,6 +88,7 @@ impl CameraEncoder {
             stages,
             latent,
             keypoints,
+            landmarks,
             rows: grid.rows(),
             columns: grid.columns(),
             joined: joins.then(|| init.normal(shape, deviation)),
@@ -144,21 +150,58 @@ impl CameraEncoder {
         let map = map
             .reshape([n, channels, self.rows, self.columns])
             .permute([0, 2, 3, 1]);
-        self.latent_of(after_first_layer(&self.stages, map, masks))
+        self.latent_of(&after_first_layer(&self.stages, map, masks))
     }
 
-    /// Patches `[n, positions, patch_len]` to latents `[n, latent_dim]`. A mask of a block is 0 for
-    /// the states that skip it.
+    /// Patches `[n, positions, patch_len]` to latents `[n, latent_dim]`, and to the values of landmarks,
+    /// `[n, 3 * count]`, where they are told. A mask of a block is 0 for the states that skip it.
     #[must_use]
-    pub fn forward(&self, patches: Tensor<3>, masks: Option<&[Tensor<4>]>) -> Tensor<2> {
-        let size = [self.rows, self.columns];
-        let maps = feature_maps(&self.stem, &self.stages, size, patches, masks);
-        self.latent_of(maps)
+    pub fn forward(
+        &self,
+        patches: Tensor<3>,
+        masks: Option<&[Tensor<4>]>,
+    ) -> (Tensor<2>, Option<Tensor<2>>) {
+        let maps = self.maps(patches, masks);
+        let values = (self.landmarks.as_ref())
+            .map(|landmarks| Landmarks::values(landmarks.logits(&maps), self.rows, self.columns));
+        (self.latent_of(&maps), values)
     }
 
-    /// The latent of the maps after the first stage and after the last.
-    fn latent_of(&self, (first, x): (Tensor<4>, Tensor<4>)) -> Tensor<2> {
+    /// The latents, and beside them the landmarks' logits: `[n, latent_dim + count * cells]`.
+    #[must_use]
+    pub fn forward_with_logits(
+        &self,
+        patches: Tensor<3>,
+        masks: Option<&[Tensor<4>]>,
+    ) -> Tensor<2> {
+        let maps = self.maps(patches, masks);
+        let latent = self.latent_of(&maps);
+        match &self.landmarks {
+            Some(landmarks) => {
+                let logits = landmarks.logits(&maps);
+                let [n, count, cells] = logits.dims();
+                Tensor::cat(vec![latent, logits.reshape([n, count * cells])], 1)
+            }
+            None => latent,
+        }
+    }
+
+    fn maps(&self, patches: Tensor<3>, masks: Option<&[Tensor<4>]>) -> Vec<Tensor<4>> {
+        let size = [self.rows, self.columns];
+        feature_maps(&self.stem, &self.stages, size, patches, masks)
+    }
+
+    /// Values of the latent.
+    #[must_use]
+    pub fn latent_dim(&self) -> usize {
+        self.latent.bias.val().dims()[0]
+    }
+
+    /// The latent from the maps of the first layer and of all stages.
+    fn latent_of(&self, maps: &[Tensor<4>]) -> Tensor<2> {
+        let first = maps[1.min(maps.len() - 1)].clone();
         let places = self.keypoints.as_ref().map(|k| k.forward(first));
+        let x = maps[maps.len() - 1].clone();
         let [n, rows, columns, channels] = x.dims();
         let latent = self
             .latent
@@ -170,8 +213,8 @@ impl CameraEncoder {
     }
 }
 
-/// The maps after the first stage and after the last, `[n, rows, columns, channels]` each, from patches
-/// `[n, positions, patch_len]` of `size` rows and columns; without stages both are the first layer's.
+/// The maps of the first layer and of each stage, `[n, rows, columns, channels]` each, from patches
+/// `[n, positions, patch_len]` of `size` rows and columns.
 #[must_use]
 pub fn feature_maps(
     stem: &Dense,
@@ -179,7 +222,7 @@ pub fn feature_maps(
     [rows, columns]: [usize; 2],
     patches: Tensor<3>,
     masks: Option<&[Tensor<4>]>,
-) -> (Tensor<4>, Tensor<4>) {
+) -> Vec<Tensor<4>> {
     let [n, positions, patch_len] = patches.dims();
     let seen = stem.forward(patches.reshape([n * positions, patch_len]));
     let channels = seen.dims()[1];
@@ -189,18 +232,15 @@ pub fn feature_maps(
 
 fn after_first_layer(
     stages: &[Stage],
-    mut x: Tensor<4>,
+    map: Tensor<4>,
     masks: Option<&[Tensor<4>]>,
-) -> (Tensor<4>, Tensor<4>) {
-    let mut first = x.clone();
+) -> Vec<Tensor<4>> {
+    let mut maps = vec![map];
     for (index, stage) in stages.iter().enumerate() {
-        x = stage.merge(x);
-        x = stage.block.forward(x, masks.map(|m| m[index].clone()));
-        if index == 0 {
-            first = x.clone();
-        }
+        let x = stage.merge(maps[index].clone());
+        maps.push(stage.block.forward(x, masks.map(|m| m[index].clone())));
     }
-    (first, x)
+    maps
 }
 
 impl Stage {

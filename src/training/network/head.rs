@@ -103,6 +103,8 @@ impl FlowHead {
     #[must_use]
     pub fn project(&self, latents: Tensor<2>) -> (Tensor<2>, Tensor<2>) {
         let (from, to) = self.split();
+        // What comes after that in a latent is for others.
+        let latents = latents.narrow(1, 0, from.dims()[0]);
         (
             latents.clone().matmul(from) + self.bias.val().unsqueeze(),
             latents.matmul(to),

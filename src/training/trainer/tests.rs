@@ -1,7 +1,7 @@
 use super::*;
 use crate::training::synthetic::{self, Counting, sets};
 use crate::training::weights::{NamedWeights, collect};
-use crate::training::{Preset, SilentObserver};
+use crate::training::{LandmarkConfig, Preset, SilentObserver};
 use crate::trajectory::{Action, ActionSpace};
 
 fn tiny(steps: u64) -> TrainingConfig {
@@ -106,12 +106,14 @@ fn a_learning_rate_beyond_reason_is_told_as_divergence() {
 fn first_batch<'a>(run: &Run<'a>) -> impl Fn() -> StepInput + use<'a> {
     let (data, pictures) = (run.data, run.pictures.clone());
     let (sampler, motion) = (run.batches.clone(), run.motion.clone());
+    let landmarks = run.landmarks.clone();
     let config = run.state.config.clone();
     move || {
         let batcher = Batcher {
             data,
             sampler: sampler.clone(),
             motion: motion.clone(),
+            landmarks: landmarks.clone(),
             pictures: &pictures,
             config: &config,
         };
@@ -191,6 +193,30 @@ fn the_motion_to_go_is_learnt_and_told_of_held_out_states() {
     let last = run.step(batch(), 3e-3).unwrap();
     assert!(last.motion < 0.5 * first.motion, "{first:?} {last:?}");
     let told = run.validate(&mut SilentObserver).motion_explained;
+    assert!(untold.is_some() && told != untold);
+}
+
+#[test]
+fn landmarks_are_learnt_and_their_error_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = tiny(120);
+    config.landmarks = Some(LandmarkConfig::bedroom());
+    let robot = &mut config.landmarks.as_mut().unwrap().robot;
+    let moves = robot.primitives["end_effector_left"];
+    robot.primitives.insert("left".to_owned(), moves);
+    config.augmentation.mirror_share = 0.4;
+    let data = Dataset::new(&grasping()).unwrap();
+    let mut run = Run::prepare(&data, &config, folder.path(), &Device::flex()).unwrap();
+    let batch = first_batch(&run);
+    let untold = run.validate(&mut SilentObserver).landmark_error_pixels;
+    let first = run.step(batch(), 3e-3).unwrap();
+    for step in 1..=80 {
+        run.step(batch(), 3e-3).unwrap();
+        run.learner.note_step(step);
+    }
+    let last = run.step(batch(), 3e-3).unwrap();
+    assert!(last.landmarks < 0.8 * first.landmarks, "{first:?} {last:?}");
+    let told = run.validate(&mut SilentObserver).landmark_error_pixels;
     assert!(untold.is_some() && told != untold);
 }
 

@@ -1,0 +1,173 @@
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::trajectory::RobotGeometry;
+
+/// What is known of the landmarks of a model: `landmarks.json` in its folder.
+///
+/// A landmark is the place of one event of the gripper, such as where a sock is taken. The encoder tells in which
+/// pixel each camera sees it; this says what that is good for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LandmarkBook {
+    /// What the robot's actions move and where its cameras look.
+    pub robot: RobotGeometry,
+    /// Where the latent holds what each camera sees of landmarks, in the order of the model's cameras.
+    pub views: Vec<LandmarkView>,
+    /// The landmarks by their numbers.
+    pub landmarks: Vec<Landmark>,
+    /// For each demonstration the steps of its events, with the numbers of their landmarks, in order of time.
+    pub events: BTreeMap<String, Vec<(u32, usize)>>,
+}
+
+/// Where the latent holds what one camera sees of landmarks: x, y and sureness of each.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LandmarkView {
+    /// The first value of the first landmark.
+    pub first: usize,
+    /// The pixel, x to the right and y down, that values of 0 tell.
+    pub middle_pixels: [f32; 2],
+    /// Pixels for each unit of a value.
+    pub unit_pixels: [f32; 2],
+}
+
+/// The place of one event of the gripper, over all demonstrations of its task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Landmark {
+    /// Whether the gripper closes there; otherwise it opens.
+    pub closes: bool,
+    /// Median height above the floor; where the gripper opens, of what lies below it.
+    pub height_m: f32,
+    /// Standard deviation of the height.
+    pub height_spread_m: f32,
+    /// Median tilt of the gripper at the event, downwards.
+    pub tilt_rad: f32,
+    /// The direction in which the gripper comes: one axis of the base's frame.
+    pub approach: [f32; 3],
+    /// How far away the gripper is, against that direction, when it comes into line with the place.
+    pub clearance_m: f32,
+    /// Least and largest x and y of the place in the base's frame, at the event.
+    pub reach_m: [[f32; 2]; 2],
+    /// Median distance in pixels between where demonstrations show it, within ten steps before the event, and where
+    /// the encoder sees it.
+    pub error_pixels: f32,
+}
+
+/// What one camera sees of a landmark.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LandmarkSight {
+    /// The pixel, x to the right and y down.
+    pub pixel: [f32; 2],
+    /// From about 0, anywhere, to 4, in one cell of the map.
+    pub peak: f32,
+}
+
+/// Values of a landmark in the latent.
+const VALUES: usize = 3;
+
+impl LandmarkView {
+    /// What a latent holds of a landmark.
+    ///
+    /// # Panics
+    /// If the latent does not hold it.
+    #[must_use]
+    pub fn of(&self, latent: &[f32], landmark: usize) -> LandmarkSight {
+        let start = self.first + VALUES * landmark;
+        LandmarkSight {
+            pixel: std::array::from_fn(|axis| {
+                self.middle_pixels[axis] + self.unit_pixels[axis] * latent[start + axis]
+            }),
+            peak: latent[start + 2],
+        }
+    }
+}
+
+impl LandmarkBook {
+    /// The landmark of the next event of a demonstration at or after a step, and how many steps away that is.
+    #[must_use]
+    pub fn next_event(&self, trajectory: &str, step: u32) -> Option<(usize, u32)> {
+        let events = self.events.get(trajectory)?;
+        let (at, landmark) = events.iter().find(|(at, _)| *at >= step)?;
+        Some((*landmark, at - step))
+    }
+
+    /// Why this does not belong to a latent of so many values and so many cameras, if it does not.
+    #[must_use]
+    pub fn misfit(&self, latent_dim: usize, cameras: usize) -> Option<String> {
+        let count = self.landmarks.len();
+        if self.views.len() != cameras {
+            return Some(format!("{} views of {cameras} cameras", self.views.len()));
+        }
+        if let Some(view) = (self.views.iter()).find(|v| v.first + VALUES * count > latent_dim) {
+            return Some(format!(
+                "{count} landmarks from value {} on, in a latent of {latent_dim} values",
+                view.first
+            ));
+        }
+        let numbers = self
+            .events
+            .values()
+            .flatten()
+            .map(|(_, landmark)| *landmark);
+        let unknown = numbers.into_iter().find(|landmark| *landmark >= count);
+        unknown.map(|landmark| format!("an event of landmark {landmark} of {count}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn book() -> LandmarkBook {
+        let landmark = Landmark {
+            closes: true,
+            height_m: 0.3,
+            height_spread_m: 0.0,
+            tilt_rad: 0.0,
+            approach: [1.0, 0.0, 0.0],
+            clearance_m: 0.06,
+            reach_m: [[0.3, 0.6], [-0.2, 0.2]],
+            error_pixels: 2.0,
+        };
+        LandmarkBook {
+            robot: RobotGeometry::locobot(),
+            views: vec![LandmarkView {
+                first: 2,
+                middle_pixels: [80.0, 45.0],
+                unit_pixels: [20.0, 10.0],
+            }],
+            landmarks: vec![landmark.clone(), landmark],
+            events: [("a".to_owned(), vec![(4, 0), (9, 1)])].into(),
+        }
+    }
+
+    #[test]
+    fn the_next_event_is_the_first_that_is_not_over() {
+        let book = book();
+        assert_eq!(book.next_event("a", 0), Some((0, 4)));
+        assert_eq!(book.next_event("a", 4), Some((0, 0)));
+        assert_eq!(book.next_event("a", 5), Some((1, 4)));
+        assert_eq!(book.next_event("a", 10), None);
+        assert_eq!(book.next_event("b", 0), None);
+    }
+
+    #[test]
+    fn values_become_pixels() {
+        let latent = [9.0, 9.0, 0.0, 0.0, 0.0, 0.5, -1.0, 0.25];
+        let seen = book().views[0].of(&latent, 1);
+        assert_eq!((seen.pixel, seen.peak), ([90.0, 35.0], 0.25));
+    }
+
+    #[test]
+    fn what_does_not_fit_is_told() {
+        assert_eq!(book().misfit(8, 1), None);
+        assert!(book().misfit(7, 1).unwrap().contains("7 values"));
+        assert!(book().misfit(8, 2).unwrap().contains("2 cameras"));
+        let mut other = book();
+        other.landmarks.pop();
+        assert!(other.misfit(8, 1).unwrap().contains("landmark 1 of 1"));
+    }
+}

@@ -1,0 +1,497 @@
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use nalgebra::{Point3, Vector3};
+
+use super::place::{Sighting, place_of};
+use crate::graph::Node;
+use crate::model::{Landmark, LandmarkBook};
+use crate::task::GripperSignal;
+use crate::trajectory::{ActionSpace, CameraSpec, Posture};
+
+/// Brings the gripper to the place of its next event, where the encoder sees that place: the last steps of a way,
+/// in which it matters by a finger's width where a thing lies.
+///
+/// Where the robot is follows from its own actions, where the place is from what the cameras see of the landmark.
+/// The gripper first comes into line with the place and then goes straight to it, as demonstrations do.
+#[derive(Clone, Debug)]
+pub(super) struct Approach {
+    book: Arc<LandmarkBook>,
+    cameras: Vec<CameraSpec>,
+    keys: Keys,
+    posture: Posture,
+    is_closed: bool,
+    /// What was lately seen of each landmark, picture by picture.
+    seen: Vec<VecDeque<Vec<Sighting>>>,
+    /// The landmark that what the gripper holds hides now: what was seen of it before stands.
+    hidden: Option<usize>,
+    /// Steps of this stage in which the robot was led.
+    led_steps: usize,
+    /// Closings of this stage to which it was led.
+    closings: usize,
+}
+
+/// The primitives that move the gripper, by what they move.
+#[derive(Clone, Debug)]
+struct Keys {
+    names: Vec<String>,
+    /// For each axis the class that moves against it and the one that moves along it, and by how much.
+    axes: [[Option<(usize, f32)>; 2]; 3],
+    /// Tilt up, tilt down.
+    tilts: [Option<(usize, f32)>; 2],
+    /// The base ahead.
+    drive: Option<(usize, f32)>,
+    close: Option<usize>,
+    open: Option<usize>,
+}
+
+/// Pictures that a place is found from.
+const REMEMBERED: usize = 6;
+/// Sureness from which a sighting counts.
+const LEAST_PEAK: f32 = 0.05;
+/// Sureness from which it counts in full.
+const FULL_PEAK: f32 = 0.2;
+/// Least weight of all sightings together.
+const LEAST_WEIGHT: f32 = 0.5;
+/// Largest median error of a landmark that is approached.
+const LARGEST_ERROR_PIXELS: f32 = 12.0;
+/// Steps before an event from which on the robot is led.
+const LED_FROM_STEPS: u32 = 10;
+/// The same before it opens.
+const OPENING_FROM_STEPS: u32 = 5;
+/// Steps before an opening in which what the gripper holds hides its place.
+const HIDDEN_STEPS: u32 = 4;
+/// Distance from a place from which on the gripper is led to close there, whatever the steps, in metres.
+const NEAR_M: f32 = 0.15;
+/// Farthest from the place that the robot is led, in metres.
+const LED_FROM_M: f32 = 0.3;
+/// How much farther out than in any demonstration a place may be reached for, in metres.
+const REACH_M: f32 = 0.06;
+/// How much farther to the side a place may be at which the gripper is to open, in metres.
+const BESIDE_M: f32 = 0.15;
+/// Farthest that the base is driven up to a place out of reach, in metres.
+const FAR_FROM_M: f32 = 0.4;
+/// Most closings of a stage to which the robot is led.
+const MOST_CLOSINGS: usize = 3;
+/// Most steps that a stage is led.
+const MOST_LED_STEPS: usize = 60;
+/// Share of a primitive's step that the gripper may be off.
+const NEAR_STEPS: f32 = 0.6;
+/// Steps to one side from which the gripper goes back to come into line.
+const ASIDE_STEPS: f32 = 1.2;
+/// Steps short of the place from which an event is as good as there, where the way is blocked.
+const TOUCHING_STEPS: f32 = 1.6;
+
+impl Approach {
+    /// None where a model has no landmarks, or actions are no primitives.
+    pub(super) fn new(
+        book: &Arc<LandmarkBook>,
+        cameras: &[CameraSpec],
+        space: &ActionSpace,
+    ) -> Option<Self> {
+        Some(Self {
+            keys: Keys::of(book, space)?,
+            cameras: cameras.to_vec(),
+            posture: book.robot.at_start(),
+            is_closed: false,
+            seen: vec![VecDeque::new(); book.landmarks.len()],
+            hidden: None,
+            led_steps: 0,
+            closings: 0,
+            book: Arc::clone(book),
+        })
+    }
+
+    /// A new episode, in the posture in which demonstrations begin.
+    pub(super) fn reset(&mut self) {
+        self.posture = self.book.robot.at_start();
+        self.is_closed = false;
+        self.seen.iter_mut().for_each(VecDeque::clear);
+        self.hidden = None;
+        self.enter();
+    }
+
+    /// A new stage.
+    pub(super) fn enter(&mut self) {
+        (self.led_steps, self.closings) = (0, 0);
+    }
+
+    /// An action was carried out, and something moved.
+    pub(super) fn note(&mut self, class: usize) {
+        if Some(class) == self.keys.close {
+            self.is_closed = true;
+        } else if Some(class) == self.keys.open {
+            self.is_closed = false;
+        }
+        if let Some(name) = self.keys.names.get(class) {
+            self.posture = self.book.robot.after(&self.posture, name);
+        }
+    }
+
+    /// What the cameras see now.
+    pub(super) fn look(&mut self, latent: &[f32]) {
+        for (landmark, seen) in self.seen.iter_mut().enumerate() {
+            if self.hidden == Some(landmark) {
+                continue;
+            }
+            let views = self.book.views.iter().zip(&self.cameras);
+            let sightings = views.filter_map(|(view, camera)| {
+                let sight = view.of(latent, landmark);
+                let is_seen = sight.peak >= LEAST_PEAK;
+                let lens = self.book.robot.lens(&self.posture, camera)?;
+                is_seen.then_some(Sighting {
+                    lens,
+                    pixel: sight.pixel,
+                    weight: (sight.peak / FULL_PEAK).min(1.0),
+                })
+            });
+            seen.push_back(sightings.collect());
+            if seen.len() > REMEMBERED {
+                seen.pop_front();
+            }
+        }
+    }
+
+    /// The next action on the way to the event that follows a goal state; none where the robot is not to be led.
+    /// `is_blocked` says whether a class had no effect here.
+    pub(super) fn next(
+        &mut self,
+        goal: &Node,
+        is_blocked: impl Fn(usize) -> bool,
+    ) -> Option<usize> {
+        let (number, steps) = self.book.next_event(&goal.trajectory, goal.step)?;
+        let landmark = &self.book.landmarks[number];
+        let (is_due, from) = if landmark.closes {
+            (!self.is_closed, LED_FROM_STEPS)
+        } else {
+            (self.is_closed, OPENING_FROM_STEPS)
+        };
+        self.hidden = (!landmark.closes && steps < HIDDEN_STEPS).then_some(number);
+        let is_worn_out = self.led_steps >= MOST_LED_STEPS || self.closings >= MOST_CLOSINGS;
+        if is_worn_out || !is_due || landmark.error_pixels > LARGEST_ERROR_PIXELS {
+            return None;
+        }
+        let place = self.place(number)?;
+        let away = nalgebra::distance(&place, &Point3::from(self.posture.gripper_m()));
+        if steps > from && !(landmark.closes && away < NEAR_M) {
+            return None;
+        }
+        let class = if landmark.closes {
+            self.towards(landmark, &place, is_blocked)
+        } else {
+            self.across(landmark, &place, is_blocked)
+        }?;
+        self.led_steps += 1;
+        self.closings += usize::from(Some(class) == self.keys.close);
+        Some(class)
+    }
+
+    /// Where a landmark is, in the base's frame.
+    fn place(&self, number: usize) -> Option<Point3<f32>> {
+        let landmark = &self.book.landmarks[number];
+        let seen = &self.seen[number];
+        let sightings: Vec<Sighting> = seen.iter().flatten().copied().collect();
+        if sightings.iter().map(|s| s.weight).sum::<f32>() < LEAST_WEIGHT {
+            return None;
+        }
+        let place = place_of(&sightings, landmark.height_m, landmark.height_spread_m)?;
+        Some(self.posture.in_base(&place))
+    }
+
+    /// The gripper to the side of a place at which it is to open.
+    fn across(
+        &self,
+        landmark: &Landmark,
+        place: &Point3<f32>,
+        is_blocked: impl Fn(usize) -> bool,
+    ) -> Option<usize> {
+        let [least, most] = landmark.reach_m[1];
+        let aside = place.y.clamp(least - BESIDE_M, most + BESIDE_M);
+        let off = self.posture.gripper_m()[1] - aside;
+        let (class, step) = self.keys.axes[1][usize::from(off < 0.0)]?;
+        (off.abs() > NEAR_STEPS * step && !is_blocked(class)).then_some(class)
+    }
+
+    fn towards(
+        &self,
+        landmark: &Landmark,
+        place: &Point3<f32>,
+        is_blocked: impl Fn(usize) -> bool,
+    ) -> Option<usize> {
+        let is_within = |axis: usize| {
+            let [least, most] = landmark.reach_m[axis];
+            (least - REACH_M..=most + REACH_M).contains(&place[axis])
+        };
+        let from = Point3::from(self.posture.gripper_m()) - place;
+        if let Some((class, drive_m)) = self.keys.drive {
+            let [least, most] = landmark.reach_m[0];
+            let is_far = place.x > most + REACH_M && from.norm() < FAR_FROM_M;
+            if is_far && place.x - drive_m > least - REACH_M {
+                return (!is_blocked(class)).then_some(class);
+            }
+        }
+        if !is_within(0) || !is_within(1) || from.norm() > LED_FROM_M {
+            return None;
+        }
+        let free = |key: Option<(usize, f32)>| key.filter(|(class, _)| !is_blocked(*class));
+        let tilt = landmark.tilt_rad - self.posture.tilt_rad();
+        if let Some((class, step)) = self.keys.tilts[usize::from(tilt > 0.0)]
+            && tilt.abs() > NEAR_STEPS * step
+        {
+            return free(Some((class, step))).map(|(class, _)| class);
+        }
+        let approach = Vector3::from(landmark.approach);
+        let ahead = -from.dot(&approach);
+        let aside = from + approach * ahead;
+        let (axis, off) = (0..3)
+            .map(|axis| (axis, aside[axis]))
+            .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+        let key = self.keys.axes[axis][usize::from(off < 0.0)];
+        let (class, step) = key?;
+        let main = approach.iamax();
+        let [onward, back] = [approach[main] > 0.0, approach[main] < 0.0]
+            .map(|positive| self.keys.axes[main][usize::from(positive)]);
+        if off.abs() > NEAR_STEPS * step {
+            let is_too_near = ahead < landmark.clearance_m - 0.5 * step;
+            if off.abs() > ASIDE_STEPS * step
+                && is_too_near
+                && let Some((class, _)) = free(back)
+            {
+                return Some(class);
+            }
+            return (!is_blocked(class)).then_some(class);
+        }
+        let event = self.keys.close.filter(|class| !is_blocked(*class));
+        let (onward_class, step) = onward?;
+        if ahead > NEAR_STEPS * step {
+            if !is_blocked(onward_class) {
+                return Some(onward_class);
+            }
+            return event.filter(|_| ahead <= TOUCHING_STEPS * step);
+        }
+        if ahead < -ASIDE_STEPS * step {
+            return free(back).map(|(class, _)| class);
+        }
+        event
+    }
+}
+
+impl Keys {
+    fn of(book: &LandmarkBook, space: &ActionSpace) -> Option<Self> {
+        let ActionSpace::Primitives { names } = space else {
+            return None;
+        };
+        let mut keys = Self {
+            names: names.clone(),
+            axes: [[None; 2]; 3],
+            tilts: [None; 2],
+            drive: None,
+            close: None,
+            open: None,
+        };
+        if let [close, open] = GripperSignal::default().classes(space)[..] {
+            (keys.close, keys.open) = (Some(close), Some(open));
+        }
+        for (class, name) in names.iter().enumerate() {
+            let Some(moved) = book.robot.primitives.get(name) else {
+                continue;
+            };
+            if moved.drive_m > 0.0 && moved.turn_rad == 0.0 {
+                keys.drive = Some((class, moved.drive_m));
+            }
+            if moved.drive_m != 0.0 || moved.turn_rad != 0.0 {
+                continue;
+            }
+            for (axis, by) in moved.gripper_m.into_iter().enumerate() {
+                if by != 0.0 {
+                    keys.axes[axis][usize::from(by > 0.0)] = Some((class, by.abs()));
+                }
+            }
+            let by = moved.gripper_tilt_rad;
+            if by != 0.0 {
+                keys.tilts[usize::from(by > 0.0)] = Some((class, by.abs()));
+            }
+        }
+        Some(keys)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::LandmarkView;
+    use crate::trajectory::RobotGeometry;
+
+    const NAMES: [&str; 10] = [
+        "end_effector_left",
+        "end_effector_right",
+        "end_effector_forward",
+        "end_effector_backward",
+        "end_effector_up",
+        "end_effector_down",
+        "base_forward",
+        "wrist_down",
+        "gripper_close",
+        "gripper_open",
+    ];
+
+    fn class(name: &str) -> usize {
+        NAMES.iter().position(|n| *n == name).unwrap()
+    }
+
+    fn camera(name: &str) -> CameraSpec {
+        CameraSpec {
+            name: name.to_owned(),
+            height: 90,
+            width: 160,
+        }
+    }
+
+    fn landmark(closes: bool, approach: [f32; 3]) -> Landmark {
+        Landmark {
+            closes,
+            height_m: 0.3,
+            height_spread_m: 0.0,
+            tilt_rad: 0.0,
+            approach,
+            clearance_m: 0.07,
+            reach_m: [[0.35, 0.6], [-0.1, 0.1]],
+            error_pixels: 2.0,
+        }
+    }
+
+    fn approach(landmark: Landmark) -> Approach {
+        let view = |first| LandmarkView {
+            first,
+            middle_pixels: [80.0, 45.0],
+            unit_pixels: [80.0, 45.0],
+        };
+        let book = LandmarkBook {
+            robot: RobotGeometry::locobot(),
+            views: vec![view(0), view(3)],
+            landmarks: vec![landmark],
+            events: [("shown".to_owned(), vec![(12, 0)])].into(),
+        };
+        let space = ActionSpace::Primitives {
+            names: NAMES.map(String::from).to_vec(),
+        };
+        Approach::new(&Arc::new(book), &[camera("head"), camera("wrist")], &space).unwrap()
+    }
+
+    fn goal(step: u32) -> Node {
+        Node {
+            task: "a".to_owned(),
+            trajectory: "shown".to_owned(),
+            step,
+            reached: Vec::new(),
+            progress: 0,
+            is_end: false,
+        }
+    }
+
+    /// What the cameras see of a place, as a latent.
+    fn latent(approach: &Approach, place: &Point3<f32>) -> Vec<f32> {
+        let robot = &approach.book.robot;
+        let see = |name| match robot.pixel(&approach.posture, &camera(name), place) {
+            Some([x, y]) => [x / 80.0 - 1.0, y / 45.0 - 1.0, 1.0],
+            None => [0.0; 3],
+        };
+        [see("head"), see("wrist")].concat()
+    }
+
+    /// The names of what is done until nothing more is.
+    fn led(approach: &mut Approach, place: &Point3<f32>, blocked: &[&str]) -> Vec<&'static str> {
+        let mut done = Vec::new();
+        for _ in 0..30 {
+            approach.look(&latent(approach, place));
+            let is_blocked = |c: usize| blocked.contains(&NAMES[c]);
+            let Some(next) = approach.next(&goal(8), is_blocked) else {
+                break;
+            };
+            done.push(NAMES[next]);
+            approach.note(next);
+        }
+        done
+    }
+
+    #[test]
+    fn the_gripper_comes_into_line_goes_ahead_and_closes() {
+        let mut approach = approach(landmark(true, [1.0, 0.0, 0.0]));
+        let done = led(&mut approach, &Point3::new(0.48, 0.07, 0.3), &[]);
+        assert_eq!(done.last(), Some(&"gripper_close"), "{done:?}");
+        let ahead = done.iter().position(|n| *n == "end_effector_forward");
+        let aside = done.iter().rposition(|n| *n == "end_effector_left");
+        assert!(aside < ahead, "{done:?}");
+        let [x, y, z] = approach.posture.gripper_m();
+        let off = [x - 0.48, y - 0.07, z - 0.3].map(f32::abs);
+        assert!(off.iter().all(|o| *o < 0.02), "{off:?}");
+    }
+
+    #[test]
+    fn a_gripper_beside_its_thing_goes_back_before_it_goes_across() {
+        let mut approach = approach(landmark(true, [0.0, 0.0, -1.0]));
+        let place = Point3::new(0.42, -0.09, 0.36);
+        approach.book = Arc::new(LandmarkBook {
+            landmarks: vec![Landmark {
+                height_m: 0.36,
+                ..approach.book.landmarks[0].clone()
+            }],
+            ..(*approach.book).clone()
+        });
+        let done = led(&mut approach, &place, &[]);
+        assert_eq!(done[0], "end_effector_up", "{done:?}");
+        assert_eq!(done.last(), Some(&"gripper_close"), "{done:?}");
+        let across = done.iter().rposition(|n| *n == "end_effector_right");
+        let down = done.iter().position(|n| *n == "end_effector_down");
+        assert!(across < down, "{done:?}");
+    }
+
+    #[test]
+    fn what_stops_the_gripper_right_before_its_thing_is_that_thing() {
+        let mut approach = approach(landmark(true, [1.0, 0.0, 0.0]));
+        let place = Point3::new(0.40, 0.0, 0.36);
+        approach.book = Arc::new(LandmarkBook {
+            landmarks: vec![Landmark {
+                height_m: 0.36,
+                ..approach.book.landmarks[0].clone()
+            }],
+            ..(*approach.book).clone()
+        });
+        let done = led(&mut approach, &place, &["end_effector_forward"]);
+        assert_eq!(done, ["gripper_close"]);
+        approach.reset();
+        let far = Point3::new(0.5, 0.0, 0.36);
+        assert!(led(&mut approach, &far, &["end_effector_forward"]).is_empty());
+    }
+
+    #[test]
+    fn above_a_box_the_gripper_is_brought_across_and_left_to_the_policy() {
+        let mut approach = approach(landmark(false, [1.0, 0.0, 0.0]));
+        let place = Point3::new(0.45, 0.08, 0.3);
+        assert!(
+            led(&mut approach, &place, &[]).is_empty(),
+            "nothing is held"
+        );
+        approach.note(class("gripper_close"));
+        let done = led(&mut approach, &place, &[]);
+        assert_eq!(done, ["end_effector_left"; 3]);
+    }
+
+    #[test]
+    fn the_robot_is_not_led_from_afar_nor_where_nothing_is_seen() {
+        let mut approach = approach(landmark(true, [1.0, 0.0, 0.0]));
+        let place = Point3::new(0.54, 0.05, 0.3);
+        approach.look(&latent(&approach, &place));
+        assert!(
+            approach.next(&goal(1), |_| false).is_none(),
+            "11 steps away"
+        );
+        assert!(approach.next(&goal(13), |_| false).is_none(), "over");
+        assert!(approach.next(&goal(6), |_| false).is_some());
+        approach.reset();
+        approach.look(&[0.0; 6]);
+        assert!(approach.next(&goal(6), |_| false).is_none());
+        approach.look(&latent(&approach, &Point3::new(0.9, 0.0, 0.3)));
+        assert!(approach.next(&goal(6), |_| false).is_none(), "out of reach");
+    }
+}

@@ -1,0 +1,628 @@
+//! Landmarks: the places where the gripper closes and opens, in every picture of a demonstration that shows them.
+//!
+//! The place of an event of the gripper stays where it is while the robot moves towards it. So from the actions
+//! alone, and from what they move and where the cameras look ([`RobotGeometry`]), follows the pixel in which each
+//! earlier picture shows that place: a thing is labelled in some hundred pictures of each demonstration, at no
+//! cost to anybody. Finding it there teaches an encoder that a thing is a thing wherever it stands.
+
+mod book;
+
+use std::collections::HashMap;
+
+use serde::{Deserialize, Serialize};
+
+use book::median;
+
+use super::augmentation::Variation;
+use super::config::demand;
+use super::missed_grasps::lasting_events;
+use super::network::{LANDMARK_VALUES, PLACE_GAIN};
+use super::patches::PatchGrid;
+use super::{Dataset, EncoderConfig, ImitationConfig, StateRef, TrainingConfig, TrainingError};
+use crate::task::{GripperEvent, GripperSignal};
+use crate::trajectory::{ActionSpace, Posture, RobotGeometry};
+
+/// Standard deviation of the place that a landmark is told to have, in cells.
+const SPREAD_CELLS: f32 = 0.7;
+/// Steps before an event over which it is told how well its landmark is seen.
+const BEFORE_EVENT_STEPS: usize = 10;
+/// Steps before the gripper opens in which its place is not told: what it holds hides that place, and would be
+/// learnt instead.
+const OPENING_STEPS: usize = 4;
+/// What all landmarks that are out of the picture weigh beside all that are in it.
+const ABSENT_WEIGHT: f32 = 0.1;
+
+/// Which landmarks are learnt, and how much they weigh.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LandmarkConfig {
+    /// Weight of the auxiliary loss.
+    pub weight: f32,
+    /// How many there are: of each task as many as its demonstrations close and open the gripper, missed grasps not
+    /// counted. A network may hold more than its tasks have.
+    pub count: usize,
+    /// How far below the gripper the place is that is looked for where the gripper opens, in metres: what it lets go
+    /// falls on or into something, and that is what can be seen.
+    pub opening_drop_m: f32,
+    /// What the robot's actions move and where its cameras look.
+    pub robot: RobotGeometry,
+}
+
+impl LandmarkConfig {
+    /// Those of the bedroom's three tasks: 4 of `sock`, 2 of `trash` and 2 of `wine`.
+    #[must_use]
+    pub fn bedroom() -> Self {
+        Self {
+            weight: 1.0,
+            count: 8,
+            opening_drop_m: 0.1,
+            robot: RobotGeometry::locobot(),
+        }
+    }
+
+    pub(super) fn check(&self, encoder: &EncoderConfig) -> Result<(), TrainingError> {
+        demand(
+            self.weight > 0.0,
+            "landmarks.weight",
+            self.weight,
+            "it must be above 0; without landmarks, set landmarks to null",
+        )?;
+        demand(
+            self.count > 0,
+            "landmarks.count",
+            self.count,
+            "it must be 1 or more; without landmarks, set landmarks to null",
+        )?;
+        demand(
+            !encoder.stage_channels.is_empty(),
+            "network.encoder.stage_channels",
+            "empty",
+            "landmarks need at least one stage",
+        )
+    }
+}
+
+/// How many landmarks each camera of a network tells.
+pub fn landmark_count(config: &TrainingConfig) -> usize {
+    match &config.landmarks {
+        Some(landmarks) if !config.network.variant.joins_pixels() => landmarks.count,
+        _ => 0,
+    }
+}
+
+/// Refuses a configuration whose landmarks these demonstrations do not show.
+///
+/// # Errors
+/// [`TrainingError::NoLandmarks`].
+pub fn check_landmarks(config: &TrainingConfig, data: &Dataset) -> Result<(), TrainingError> {
+    let Some(landmarks) = &config.landmarks else {
+        return Ok(());
+    };
+    let refuse = |reason: String| Err(TrainingError::NoLandmarks { reason });
+    let space = data.action_space();
+    let ActionSpace::Primitives { names } = space else {
+        return refuse(format!("{space} are no primitives, whose motion is known"));
+    };
+    if GripperSignal::default().classes(space).is_empty() {
+        return refuse(format!(
+            "{space} hold neither `gripper_close` nor `gripper_open`"
+        ));
+    }
+    let robot = &landmarks.robot;
+    if !robot.primitives.keys().any(|name| names.contains(name)) {
+        return refuse(format!(
+            "landmarks.robot.primitives describes none of {space}"
+        ));
+    }
+    let mut cameras = data.cameras().iter();
+    if let Some(camera) = cameras.find(|c| !robot.cameras.contains_key(&c.name)) {
+        let known: Vec<&str> = robot.cameras.keys().map(String::as_str).collect();
+        return refuse(format!(
+            "landmarks.robot.cameras has {}, and the demonstrations show '{}'",
+            known.join(", "),
+            camera.name
+        ));
+    }
+    let needed: usize = numbers(data, &config.imitation).iter().map(|n| n.1).sum();
+    if needed > landmarks.count {
+        return refuse(format!(
+            "landmarks.count is {}, and the demonstrations have {needed}: set it to {needed} or more",
+            landmarks.count
+        ));
+    }
+    Ok(())
+}
+
+/// The landmarks of some demonstrations.
+#[derive(Clone, Debug)]
+pub struct Landmarks {
+    count: usize,
+    /// For each state of a trajectory what is known of its landmarks.
+    of: HashMap<u32, Vec<Vec<Sighting>>>,
+}
+
+/// Where one landmark is in the pictures of one state.
+#[derive(Clone, Debug, PartialEq)]
+struct Sighting {
+    landmark: usize,
+    /// Steps until the event.
+    steps_before: usize,
+    /// For each camera the pixel, x to the right and y down; none where it is out of the picture.
+    pixels: Vec<Option<[f32; 2]>>,
+}
+
+impl Landmarks {
+    /// Those of some demonstrations of a training, if it learns any.
+    #[must_use]
+    pub fn of_training(
+        data: &Dataset,
+        trajectories: &[u32],
+        config: &TrainingConfig,
+    ) -> Option<Self> {
+        let landmarks = config.landmarks.as_ref()?;
+        let count = landmark_count(config);
+        let numbers = numbers(data, &config.imitation);
+        let find = |trajectory: u32| {
+            let (first, most) = numbers[data.set_of(trajectory)];
+            let mut events = events_of(data, trajectory, &config.imitation);
+            events.truncate(most);
+            sightings(data, trajectory, &events, first, landmarks)
+        };
+        let of = trajectories.iter().map(|t| (*t, find(*t))).collect();
+        (count > 0).then_some(Self { count, of })
+    }
+
+    /// What the logits of each camera's landmarks are to be after a softmax, `[states, count, cells]` row after row,
+    /// weighted: rows that stand in a picture sum to 1 over all of them, rows that do not are the same everywhere,
+    /// and rows of which nothing is known are 0. `variations` say how the pictures were changed.
+    #[must_use]
+    pub fn targets(
+        &self,
+        states: &[StateRef],
+        variations: &[Vec<Variation>],
+        grids: &[PatchGrid],
+    ) -> Vec<Vec<f32>> {
+        let of_camera = |(camera, grid): (usize, &PatchGrid)| {
+            let cells = grid.positions();
+            let mut values = vec![0.0; states.len() * self.count * cells];
+            let (mut shown, mut absent) = (Vec::new(), Vec::new());
+            for (row, (at, varied)) in states.iter().zip(variations).enumerate() {
+                for sighting in self.sightings(*at) {
+                    let start = (row * self.count + sighting.landmark) * cells;
+                    let pixel = sighting.pixels[camera];
+                    match pixel.and_then(|pixel| moved(pixel, &varied[camera], grid)) {
+                        Some(pixel) => shown.push((start, pixel)),
+                        None => absent.push(start),
+                    }
+                }
+            }
+            for (start, pixel) in &shown {
+                let weight = 1.0 / shown.len() as f32;
+                spread(*pixel, grid, weight, &mut values[*start..*start + cells]);
+            }
+            for start in &absent {
+                let weight = ABSENT_WEIGHT / (absent.len() * cells) as f32;
+                values[*start..*start + cells].fill(weight);
+            }
+            values
+        };
+        grids.iter().enumerate().map(of_camera).collect()
+    }
+
+    /// Median distance in pixels between where landmarks are and where they are told to be, over all that the
+    /// pictures of some states show; `told` holds for each camera the landmarks' values, state after state.
+    #[must_use]
+    pub fn error_pixels(
+        &self,
+        states: &[StateRef],
+        told: &[Vec<f32>],
+        grids: &[PatchGrid],
+    ) -> Option<f64> {
+        let errors: Vec<f32> = (self.errors(states, told, grids, usize::MAX).into_iter())
+            .flatten()
+            .collect();
+        (!errors.is_empty()).then(|| f64::from(median(errors)))
+    }
+
+    /// The median of these distances for each landmark, of states at most ten steps before its event; the largest
+    /// number for one that no picture shows.
+    #[must_use]
+    pub fn errors_before_events(
+        &self,
+        states: &[StateRef],
+        told: &[Vec<f32>],
+        grids: &[PatchGrid],
+    ) -> Vec<f32> {
+        let errors = self.errors(states, told, grids, BEFORE_EVENT_STEPS);
+        let of_landmark = |errors: Vec<f32>| {
+            if errors.is_empty() {
+                f32::MAX
+            } else {
+                median(errors)
+            }
+        };
+        errors.into_iter().map(of_landmark).collect()
+    }
+
+    /// All these distances, by landmark.
+    fn errors(
+        &self,
+        states: &[StateRef],
+        told: &[Vec<f32>],
+        grids: &[PatchGrid],
+        most_steps: usize,
+    ) -> Vec<Vec<f32>> {
+        let mut errors = vec![Vec::new(); self.count];
+        for (row, at) in states.iter().enumerate() {
+            let near = self.sightings(*at).iter();
+            for sighting in near.filter(|s| s.steps_before <= most_steps) {
+                let place = (row * self.count + sighting.landmark) * LANDMARK_VALUES;
+                for ((pixel, told), grid) in sighting.pixels.iter().zip(told).zip(grids) {
+                    let Some([x, y]) = pixel else {
+                        continue;
+                    };
+                    let [found_x, found_y] = pixel_of([told[place], told[place + 1]], grid);
+                    errors[sighting.landmark].push((found_x - x).hypot(found_y - y));
+                }
+            }
+        }
+        errors
+    }
+
+    /// The states at most ten steps before one of the events.
+    #[must_use]
+    pub fn states_before_events(&self) -> Vec<StateRef> {
+        let mut trajectories: Vec<u32> = self.of.keys().copied().collect();
+        trajectories.sort_unstable();
+        let states = trajectories.into_iter().flat_map(|trajectory| {
+            (0..self.of[&trajectory].len() as u32).map(move |step| StateRef { trajectory, step })
+        });
+        states
+            .filter(|at| {
+                let mut near = self.sightings(*at).iter();
+                near.any(|s| s.steps_before <= BEFORE_EVENT_STEPS)
+            })
+            .collect()
+    }
+
+    fn sightings(&self, at: StateRef) -> &[Sighting] {
+        let states = self.of.get(&at.trajectory);
+        states.map_or(&[], |states| &states[at.step as usize])
+    }
+}
+
+/// When the gripper closed and opened in a demonstration, missed grasps left out.
+fn events_of(
+    data: &Dataset,
+    trajectory: u32,
+    imitation: &ImitationConfig,
+) -> Vec<(usize, GripperEvent)> {
+    let markers = data.marker_steps(trajectory);
+    lasting_events(data.gripper_events(trajectory), markers, imitation)
+}
+
+/// For each set of demonstrations the number of its first landmark, and how many it has: as many as at least half of
+/// its demonstrations have events.
+fn numbers(data: &Dataset, imitation: &ImitationConfig) -> Vec<(usize, usize)> {
+    let mut events: Vec<Vec<usize>> = Vec::new();
+    for trajectory in 0..data.trajectory_count() as u32 {
+        let set = data.set_of(trajectory);
+        events.resize_with(events.len().max(set + 1), Vec::new);
+        events[set].push(events_of(data, trajectory, imitation).len());
+    }
+    let mut first = 0;
+    (events.into_iter())
+        .map(|mut counts| {
+            counts.sort_unstable();
+            let most = counts.get(counts.len() / 2).copied().unwrap_or(0);
+            first += most;
+            (first - most, most)
+        })
+        .collect()
+}
+
+/// Where the robot is in each state of a demonstration, as its actions tell.
+fn postures(data: &Dataset, trajectory: u32, robot: &RobotGeometry) -> Vec<Posture> {
+    let names: &[String] = match data.action_space() {
+        ActionSpace::Primitives { names } => names,
+        _ => &[],
+    };
+    let mut posture = robot.at_start();
+    let mut postures = Vec::new();
+    for step in 0..data.steps(trajectory) as u32 {
+        postures.push(posture);
+        let action = data.classes(StateRef { trajectory, step })[0];
+        posture = robot.after(&posture, &names[action]);
+    }
+    postures
+}
+
+/// What each state of a demonstration shows of the places of events that are still to come.
+fn sightings(
+    data: &Dataset,
+    trajectory: u32,
+    events: &[(usize, GripperEvent)],
+    first: usize,
+    LandmarkConfig {
+        robot,
+        opening_drop_m,
+        ..
+    }: &LandmarkConfig,
+) -> Vec<Vec<Sighting>> {
+    let postures = postures(data, trajectory, robot);
+    let sightings_at = |(step, posture)| {
+        let is_shown = |event: &GripperEvent, steps_before: usize| {
+            *event == GripperEvent::Close || steps_before >= OPENING_STEPS
+        };
+        let to_come = events.iter().enumerate().filter(|(_, (at, event))| {
+            at.checked_sub(step)
+                .is_some_and(|before| is_shown(event, before))
+        });
+        to_come
+            .map(|(number, (at, event))| {
+                let mut place = robot.gripper(&postures[*at]);
+                if *event == GripperEvent::Open {
+                    place.z -= opening_drop_m;
+                }
+                let cameras = data.cameras().iter();
+                Sighting {
+                    landmark: first + number,
+                    steps_before: at - step,
+                    pixels: cameras
+                        .map(|camera| robot.pixel(posture, camera, &place))
+                        .collect(),
+                }
+            })
+            .collect()
+    };
+    postures.iter().enumerate().map(sightings_at).collect()
+}
+
+/// Where a pixel is in a picture that was changed; none where it was moved out of it.
+fn moved([x, y]: [f32; 2], variation: &Variation, grid: &PatchGrid) -> Option<[f32; 2]> {
+    let (width, height) = (grid.width as f32, grid.height as f32);
+    let x = if variation.is_mirrored { width - x } else { x };
+    let x = x + variation.right_pixels as f32;
+    let y = y + variation.down_pixels as f32;
+    ((0.0..width).contains(&x) && (0.0..height).contains(&y)).then_some([x, y])
+}
+
+/// Pixels from the picture's edge to the middle of the first cell, horizontally and vertically.
+fn first_cell(grid: &PatchGrid) -> [f32; 2] {
+    let [top, left, _, _] = grid.padding();
+    let half = 0.5 * grid.kernel as f32;
+    [half - left as f32, half - top as f32]
+}
+
+/// The pixel that values of a landmark tell.
+fn pixel_of(values: [f32; 2], grid: &PatchGrid) -> [f32; 2] {
+    let first = first_cell(grid);
+    let sizes = [grid.columns(), grid.rows()];
+    std::array::from_fn(|axis| {
+        let cell = 0.5 * (values[axis] / PLACE_GAIN + 1.0) * sizes[axis] as f32 - 0.5;
+        first[axis] + cell * grid.stride as f32
+    })
+}
+
+/// Spreads a weight over the cells around a pixel.
+fn spread(pixel: [f32; 2], grid: &PatchGrid, weight: f32, cells: &mut [f32]) {
+    let first = first_cell(grid);
+    let [across, down] =
+        std::array::from_fn(|axis| (pixel[axis] - first[axis]) / grid.stride as f32);
+    let share = |cell: usize, place: f32| {
+        let off = (cell as f32 - place) / SPREAD_CELLS;
+        (-0.5 * off * off).exp()
+    };
+    for (row, cells) in cells.chunks_exact_mut(grid.columns()).enumerate() {
+        for (column, cell) in cells.iter_mut().enumerate() {
+            *cell = share(row, down) * share(column, across);
+        }
+    }
+    let sum: f32 = cells.iter().sum();
+    for cell in cells {
+        *cell *= weight / sum;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::training::{Preset, synthetic};
+    use crate::trajectory::{Action, DemonstrationSet};
+
+    const NAMES: [&str; 4] = ["left", "ahead", "gripper_close", "gripper_open"];
+
+    /// The gripper is 0.4 m ahead of a camera with a focal length of 8 pixels on the base, and 0.2 m ahead of
+    /// one on itself.
+    const ROBOT: &str = r#"{
+        "gripper_m": [0.4, 0.0, 0.3],
+        "primitives": {"left": {"gripper_m": [0.0, 0.05, 0.0]}, "ahead": {"drive_m": 0.1}},
+        "cameras": {
+            "head": {"on": "base", "position_m": [0.0, 0.0, 0.3], "tilt_rad": 0.0, "vertical_fov_rad": 1.5707964},
+            "wrist": {"on": "gripper", "position_m": [-0.2, 0.0, 0.0], "tilt_rad": 0.0, "vertical_fov_rad": 1.5707964}
+        }
+    }"#;
+
+    fn config() -> TrainingConfig {
+        let mut config = Preset::Tiny.config();
+        config.landmarks = Some(LandmarkConfig {
+            weight: 1.0,
+            count: 4,
+            opening_drop_m: 0.0,
+            robot: serde_json::from_str(ROBOT).unwrap(),
+        });
+        config
+    }
+
+    fn dataset(tasks: &[[usize; 9]]) -> Dataset {
+        let sets: Vec<DemonstrationSet> = (tasks.iter())
+            .map(|actions| {
+                let mut set = synthetic::demonstrations("a", 2, 9, 1)
+                    .trajectories()
+                    .to_vec();
+                for trajectory in &mut set {
+                    trajectory.action_space = ActionSpace::Primitives {
+                        names: NAMES.map(String::from).to_vec(),
+                    };
+                    for (step, action) in trajectory.steps.iter_mut().zip(*actions) {
+                        step.action = Action::Primitive(action);
+                    }
+                }
+                DemonstrationSet::new("a", set).unwrap()
+            })
+            .collect();
+        Dataset::new(&sets).unwrap()
+    }
+
+    fn at(trajectory: u32, step: u32) -> StateRef {
+        StateRef { trajectory, step }
+    }
+
+    fn learnt(data: &Dataset, config: &TrainingConfig) -> Landmarks {
+        let all: Vec<u32> = (0..data.trajectory_count() as u32).collect();
+        Landmarks::of_training(data, &all, config).unwrap()
+    }
+
+    fn grids(data: &Dataset, config: &TrainingConfig) -> Vec<PatchGrid> {
+        PatchGrid::of_cameras(data.cameras(), config.stack, &config.network.encoder)
+    }
+
+    #[test]
+    fn the_place_of_a_closing_is_seen_before_it_and_not_after() {
+        // Two to the left, one ahead, close, one ahead, open.
+        let data = dataset(&[[0, 0, 1, 2, 1, 3, 0, 0, 0], [1, 1, 2, 1, 1, 1, 1, 1, 1]]);
+        let found = learnt(&data, &config());
+        let first = found.sightings(at(0, 0));
+        assert_eq!(first.len(), 2);
+        assert_eq!((first[0].landmark, first[1].landmark), (0, 1));
+        // 0.1 m to the left at a distance of 0.5 m, and of 0.3 m.
+        let near = |found: Option<[f32; 2]>, x: f32| {
+            let [found, y] = found.unwrap();
+            assert!(
+                (found - x).abs() < 1e-3 && (y - 8.0).abs() < 1e-3,
+                "{found} {y}"
+            );
+        };
+        near(first[0].pixels[0], 12.0 - 8.0 * 0.1 / 0.5);
+        near(first[0].pixels[1], 12.0 - 8.0 * 0.1 / 0.3);
+        let closing = found.sightings(at(0, 3));
+        near(closing[0].pixels[1], 12.0);
+        let opening = |step| found.sightings(at(0, step)).iter().any(|s| s.landmark == 1);
+        assert!(opening(1) && !opening(2), "what the gripper holds hides it");
+        assert!(found.sightings(at(0, 4)).is_empty());
+        assert_eq!(found.sightings(at(2, 0))[0].landmark, 2, "the other task's");
+    }
+
+    #[test]
+    fn targets_move_with_the_pictures() {
+        let data = dataset(&[[0, 0, 1, 2, 1, 1, 1, 1, 1]]);
+        let config = config();
+        let (found, grids) = (learnt(&data, &config), grids(&data, &config));
+        let target = |variation: Variation| {
+            let varied = vec![vec![variation; 2]];
+            found.targets(&[at(0, 3)], &varied, &grids).swap_remove(0)
+        };
+        let cells = grids[0].positions();
+        // At the closing the head sees it 0.1 m to the left at 0.4 m: pixel 10, between cells 2 and 3 of 4 pixels.
+        let share = |target: &[f32], column: usize| -> f32 {
+            let rows = target[..cells].chunks_exact(grids[0].columns());
+            rows.map(|row| row[column]).sum()
+        };
+        let still = target(Variation::NONE);
+        assert!((still[..cells].iter().sum::<f32>() - 1.0).abs() < 1e-5);
+        assert!(
+            still[cells..].iter().all(|v| *v == 0.0),
+            "others are unknown"
+        );
+        assert!(share(&still, 2) > 0.5, "{still:?}");
+        let mirrored = target(Variation {
+            is_mirrored: true,
+            ..Variation::NONE
+        });
+        assert!((share(&mirrored, 3) - share(&still, 2)).abs() < 1e-5);
+        let moved = target(Variation {
+            right_pixels: 4,
+            ..Variation::NONE
+        });
+        assert!((share(&moved, 3) - share(&still, 2)).abs() < 1e-3);
+        let gone = target(Variation {
+            right_pixels: -11,
+            ..Variation::NONE
+        });
+        let even = ABSENT_WEIGHT / cells as f32;
+        assert!(gone[..cells].iter().all(|v| (v - even).abs() < 1e-7));
+    }
+
+    #[test]
+    fn errors_are_told_in_pixels() {
+        let data = dataset(&[[0, 0, 1, 2, 1, 1, 1, 1, 1]]);
+        let config = config();
+        let (found, grids) = (learnt(&data, &config), grids(&data, &config));
+        let state = at(0, 3);
+        let told: Vec<Vec<f32>> = (found.sightings(state)[0].pixels.iter().zip(&grids))
+            .map(|(pixel, grid)| {
+                let (first, [x, y]) = (first_cell(grid), pixel.unwrap());
+                let value = |pixel: f32, axis: usize, count: usize| {
+                    let cell = (pixel - first[axis]) / grid.stride as f32;
+                    ((2.0 * cell + 1.0) / count as f32 - 1.0) * PLACE_GAIN
+                };
+                let mut told = vec![0.0; 4 * LANDMARK_VALUES];
+                told[0] = value(x + 3.0, 0, grid.columns());
+                told[1] = value(y - 4.0, 1, grid.rows());
+                told
+            })
+            .collect();
+        let error = found.error_pixels(&[state], &told, &grids).unwrap();
+        assert!((error - 5.0).abs() < 1e-3, "{error}");
+        assert_eq!(found.error_pixels(&[at(0, 5)], &told, &grids), None);
+    }
+
+    #[test]
+    fn a_book_says_how_demonstrations_come_to_a_place() {
+        let data = dataset(&[[0, 1, 1, 2, 1, 3, 0, 0, 0]]);
+        let config = config();
+        let grids = grids(&data, &config);
+        let book = Landmarks::book(&data, &config, &grids, &[2.0, 9.0, 0.0, 0.0]).unwrap();
+        assert_eq!(book.landmarks.len(), 2, "two of four are used");
+        let closing = &book.landmarks[0];
+        assert!(closing.closes && !book.landmarks[1].closes);
+        assert_eq!(closing.approach, [1.0, 0.0, 0.0]);
+        assert!((closing.clearance_m - 0.2).abs() < 1e-5, "{closing:?}");
+        assert_eq!(closing.reach_m, [[0.4; 2], [0.05; 2]]);
+        assert_eq!((closing.height_m, closing.error_pixels), (0.3, 2.0));
+        assert_eq!(book.events[data.id_of(1)], [(3, 0), (5, 1)]);
+        // Two cameras of 8 values come first, and what the second sees of four landmarks comes last.
+        let spec = crate::training::trained_model::spec_of(&data, &config);
+        assert_eq!(spec.latent_dim, 16 + 2 * 4 * 3);
+        assert_eq!(book.misfit(spec.latent_dim, 2), None);
+        let mut latent = vec![0.0; spec.latent_dim];
+        latent[16 + 12 + 3] = PLACE_GAIN * 0.5;
+        let [x, y] = book.views[1].of(&latent, 1).pixel;
+        assert_eq!([x, y], pixel_of([PLACE_GAIN * 0.5, 0.0], &grids[1]));
+    }
+
+    #[test]
+    fn what_shows_no_landmarks_is_refused_with_the_reason() {
+        let data = dataset(&[[0, 0, 1, 2, 1, 3, 0, 0, 0]]);
+        check_landmarks(&config(), &data).unwrap();
+        let refused = |change: &dyn Fn(&mut LandmarkConfig), data: &Dataset, reason: &str| {
+            let mut config = config();
+            change(config.landmarks.as_mut().unwrap());
+            let message = check_landmarks(&config, data).unwrap_err().to_string();
+            assert!(message.contains(reason), "{message}");
+        };
+        refused(
+            &|l| l.count = 1,
+            &data,
+            "count is 1, and the demonstrations have 2",
+        );
+        refused(
+            &|l| l.robot.cameras.retain(|name, _| name == "head"),
+            &data,
+            "has head, and the demonstrations show 'wrist'",
+        );
+        refused(&|l| l.robot.primitives.clear(), &data, "describes none of");
+        let without = Dataset::new(&[synthetic::demonstrations("a", 2, 9, 1)]).unwrap();
+        refused(&|_| (), &without, "neither `gripper_close` nor");
+    }
+}
