@@ -39,7 +39,7 @@ pub struct LandmarkView {
 pub struct Landmark {
     /// Whether the gripper closes there; otherwise it opens.
     pub closes: bool,
-    /// Median height above the floor; where the gripper opens, of what lies below it.
+    /// Median height above the floor.
     pub height_m: f32,
     /// Standard deviation of the height.
     pub height_spread_m: f32,

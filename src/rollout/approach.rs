@@ -23,8 +23,6 @@ pub(super) struct Approach {
     is_closed: bool,
     /// What was lately seen of each landmark, picture by picture.
     seen: Vec<VecDeque<Vec<Sighting>>>,
-    /// The landmark that what the gripper holds hides now: what was seen of it before stands.
-    hidden: Option<usize>,
     /// Steps of this stage in which the robot was led.
     led_steps: usize,
     /// Closings of this stage to which it was led.
@@ -59,10 +57,6 @@ const LARGEST_ERROR_PIXELS: f32 = 12.0;
 const LED_FROM_STEPS: u32 = 10;
 /// The same before it opens.
 const OPENING_FROM_STEPS: u32 = 5;
-/// Steps before an opening in which what the gripper holds hides its place.
-const HIDDEN_STEPS: u32 = 4;
-/// Distance from a place from which on the gripper is led to close there, whatever the steps, in metres.
-const NEAR_M: f32 = 0.15;
 /// Farthest from the place that the robot is led, in metres.
 const LED_FROM_M: f32 = 0.3;
 /// How much farther out than in any demonstration a place may be reached for, in metres.
@@ -95,7 +89,6 @@ impl Approach {
             posture: book.robot.at_start(),
             is_closed: false,
             seen: vec![VecDeque::new(); book.landmarks.len()],
-            hidden: None,
             led_steps: 0,
             closings: 0,
             book: Arc::clone(book),
@@ -107,7 +100,6 @@ impl Approach {
         self.posture = self.book.robot.at_start();
         self.is_closed = false;
         self.seen.iter_mut().for_each(VecDeque::clear);
-        self.hidden = None;
         self.enter();
     }
 
@@ -131,9 +123,6 @@ impl Approach {
     /// What the cameras see now.
     pub(super) fn look(&mut self, latent: &[f32]) {
         for (landmark, seen) in self.seen.iter_mut().enumerate() {
-            if self.hidden == Some(landmark) {
-                continue;
-            }
             let views = self.book.views.iter().zip(&self.cameras);
             let sightings = views.filter_map(|(view, camera)| {
                 let sight = view.of(latent, landmark);
@@ -166,20 +155,16 @@ impl Approach {
         } else {
             (self.is_closed, OPENING_FROM_STEPS)
         };
-        self.hidden = (!landmark.closes && steps < HIDDEN_STEPS).then_some(number);
         let is_worn_out = self.led_steps >= MOST_LED_STEPS || self.closings >= MOST_CLOSINGS;
-        if is_worn_out || !is_due || landmark.error_pixels > LARGEST_ERROR_PIXELS {
-            return None;
-        }
-        let place = self.place(number)?;
-        let away = nalgebra::distance(&place, &Point3::from(self.posture.gripper_m()));
-        if steps > from && !(landmark.closes && away < NEAR_M) {
+        let is_unseen = landmark.error_pixels > LARGEST_ERROR_PIXELS;
+        if steps > from || is_worn_out || !is_due || is_unseen {
             return None;
         }
         let class = if landmark.closes {
+            let place = self.place(number)?;
             self.towards(landmark, &place, is_blocked)
         } else {
-            self.across(landmark, &place, is_blocked)
+            self.across(landmark, self.place_aside_m(number)?, is_blocked)
         }?;
         self.led_steps += 1;
         self.closings += usize::from(Some(class) == self.keys.close);
@@ -198,15 +183,34 @@ impl Approach {
         Some(self.posture.in_base(&place))
     }
 
+    /// How far to the left a landmark is, in the base's frame, if it is as far ahead as in demonstrations: above a box
+    /// or a table a pixel says little of how far ahead the place is.
+    fn place_aside_m(&self, number: usize) -> Option<f32> {
+        let [least, most] = self.book.landmarks[number].reach_m[0];
+        let ahead = f32::midpoint(least, most);
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for sighting in self.seen[number].iter().flatten() {
+            let (lens, ray) = sighting.lens.ray(sighting.pixel);
+            let lens = self.posture.in_base(&lens);
+            let ray = self.posture.direction_in_base(&ray);
+            let far = (ahead - lens.x) / ray.x;
+            if far.is_finite() && far > 0.0 {
+                sum += sighting.weight * (lens.y + far * ray.y);
+                weight += sighting.weight;
+            }
+        }
+        (weight >= LEAST_WEIGHT).then(|| sum / weight)
+    }
+
     /// The gripper to the side of a place at which it is to open.
     fn across(
         &self,
         landmark: &Landmark,
-        place: &Point3<f32>,
+        place_m: f32,
         is_blocked: impl Fn(usize) -> bool,
     ) -> Option<usize> {
         let [least, most] = landmark.reach_m[1];
-        let aside = place.y.clamp(least - BESIDE_M, most + BESIDE_M);
+        let aside = place_m.clamp(least - BESIDE_M, most + BESIDE_M);
         let off = self.posture.gripper_m()[1] - aside;
         let (class, step) = self.keys.axes[1][usize::from(off < 0.0)]?;
         (off.abs() > NEAR_STEPS * step && !is_blocked(class)).then_some(class)

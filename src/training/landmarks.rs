@@ -41,9 +41,6 @@ pub struct LandmarkConfig {
     /// How many there are: of each task as many as its demonstrations close and open the gripper, missed grasps not
     /// counted. A network may hold more than its tasks have.
     pub count: usize,
-    /// How far below the gripper the place is that is looked for where the gripper opens, in metres: what it lets go
-    /// falls on or into something, and that is what can be seen.
-    pub opening_drop_m: f32,
     /// What the robot's actions move and where its cameras look.
     pub robot: RobotGeometry,
 }
@@ -55,7 +52,6 @@ impl LandmarkConfig {
         Self {
             weight: 1.0,
             count: 8,
-            opening_drop_m: 0.1,
             robot: RobotGeometry::locobot(),
         }
     }
@@ -166,7 +162,7 @@ impl Landmarks {
             let (first, most) = numbers[data.set_of(trajectory)];
             let mut events = events_of(data, trajectory, &config.imitation);
             events.truncate(most);
-            sightings(data, trajectory, &events, first, landmarks)
+            sightings(data, trajectory, &events, first, &landmarks.robot)
         };
         let of = trajectories.iter().map(|t| (*t, find(*t))).collect();
         (count > 0).then_some(Self { count, of })
@@ -343,11 +339,7 @@ fn sightings(
     trajectory: u32,
     events: &[(usize, GripperEvent)],
     first: usize,
-    LandmarkConfig {
-        robot,
-        opening_drop_m,
-        ..
-    }: &LandmarkConfig,
+    robot: &RobotGeometry,
 ) -> Vec<Vec<Sighting>> {
     let postures = postures(data, trajectory, robot);
     let sightings_at = |(step, posture)| {
@@ -359,11 +351,8 @@ fn sightings(
                 .is_some_and(|before| is_shown(event, before))
         });
         to_come
-            .map(|(number, (at, event))| {
-                let mut place = robot.gripper(&postures[*at]);
-                if *event == GripperEvent::Open {
-                    place.z -= opening_drop_m;
-                }
+            .map(|(number, (at, _))| {
+                let place = robot.gripper(&postures[*at]);
                 let cameras = data.cameras().iter();
                 Sighting {
                     landmark: first + number,
@@ -448,7 +437,6 @@ mod tests {
         config.landmarks = Some(LandmarkConfig {
             weight: 1.0,
             count: 4,
-            opening_drop_m: 0.0,
             robot: serde_json::from_str(ROBOT).unwrap(),
         });
         config

@@ -6,7 +6,7 @@ use crate::training::motion_to_go::motion_axes;
 use crate::training::network::LANDMARK_VALUES;
 use crate::training::patches::PatchGrid;
 use crate::training::{Dataset, TrainingConfig};
-use crate::trajectory::Posture;
+use crate::trajectory::{Posture, RobotGeometry};
 
 /// Steps before an event over which the gripper's last way is told.
 const LAST_STEPS: usize = 3;
@@ -34,8 +34,7 @@ impl Landmarks {
         grids: &[PatchGrid],
         errors: &[f32],
     ) -> Option<LandmarkBook> {
-        let landmarks = config.landmarks.as_ref()?;
-        let robot = &landmarks.robot;
+        let LandmarkConfig { robot, .. } = config.landmarks.as_ref()?;
         let count = landmark_count(config);
         let numbers = numbers(data, &config.imitation);
         let all = 0..data.trajectory_count() as u32;
@@ -60,7 +59,7 @@ impl Landmarks {
             events.insert(data.id_of(trajectory).to_owned(), of_demonstration);
         }
         let found = (shown.iter().zip(errors))
-            .map(|(events, error)| landmark(landmarks, events, *error))
+            .map(|(events, error)| landmark(robot, events, *error))
             .collect();
         let encoded = grids.len() * config.network.encoder.latent_dim;
         let before = encoded + motion_axes(data.action_space(), config);
@@ -82,10 +81,8 @@ impl Landmarks {
     }
 }
 
-fn landmark(config: &LandmarkConfig, events: &[Event<'_>], error_pixels: f32) -> Landmark {
-    let robot = &config.robot;
+fn landmark(robot: &RobotGeometry, events: &[Event<'_>], error_pixels: f32) -> Landmark {
     let closes = events.first().is_some_and(|e| e.closes);
-    let drop_m = if closes { 0.0 } else { config.opening_drop_m };
     let at = |event: &Event<'_>| event.postures[event.step].gripper_m();
     // From the place to the gripper, in the base's frame at that time.
     let from_place = |event: &Event<'_>, step: usize| -> [f32; 3] {
@@ -115,7 +112,7 @@ fn landmark(config: &LandmarkConfig, events: &[Event<'_>], error_pixels: f32) ->
         far.map(|from| -from[main] * approach[main])
             .fold(0.0, f32::max)
     };
-    let heights: Vec<f32> = events.iter().map(|e| at(e)[2] - drop_m).collect();
+    let heights: Vec<f32> = events.iter().map(|e| at(e)[2]).collect();
     let reach = |axis: usize| {
         let all = events.iter().map(|e| at(e)[axis]);
         [
