@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         // Up to the shelf as in this demonstration, or where others saw the same.
         .via(
             Region::of("trash")
-                .demonstration("trash_01000032")
+                .demonstration("trash_01000022")
                 .steps(10..=14)
                 .within_steps(2)
                 .named("at_the_shelf"),

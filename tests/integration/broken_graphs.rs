@@ -18,6 +18,9 @@ use tempfile::TempDir;
 
 use crate::command::{catena, path, root, text};
 
+/// Values of a latent in the shipped graphs.
+const LATENT_DIM: usize = 246;
+
 /// A copy of the graph of `sock`, and a task that uses it.
 struct Folder {
     _root: TempDir,
@@ -182,7 +185,7 @@ fn latents_that_are_no_numbers_are_named_by_row_state_and_place() {
 #[test]
 fn a_graph_without_states_is_named_whatever_is_done_with_it() {
     let folder = Folder::new();
-    folder.replace(&TopologicalGraph::new(192, 5), |_| {});
+    folder.replace(&TopologicalGraph::new(LATENT_DIM, 5), |_| {});
     for said in folder.told() {
         assert_names(
             &said,
@@ -195,7 +198,7 @@ fn a_graph_without_states_is_named_whatever_is_done_with_it() {
 fn a_final_state_out_of_reach_is_told_with_what_is_cut_off_and_what_to_record() {
     let folder = Folder::new();
     let (whole, _) = load_graph(&folder.graph).expect("the copy");
-    let mut cut = TopologicalGraph::new(192, 5);
+    let mut cut = TopologicalGraph::new(LATENT_DIM, 5);
     for (id, node) in whole.nodes() {
         cut.add_node(node.clone(), whole.latents().row(id.index()));
     }
@@ -222,7 +225,7 @@ fn a_final_state_out_of_reach_is_told_with_what_is_cut_off_and_what_to_record() 
 fn a_task_that_no_demonstration_ends_is_told() {
     let folder = Folder::new();
     let (whole, _) = load_graph(&folder.graph).expect("the copy");
-    let mut unfinished = TopologicalGraph::new(192, 5);
+    let mut unfinished = TopologicalGraph::new(LATENT_DIM, 5);
     for (id, node) in whole.nodes() {
         let mut node = node.clone();
         node.progress = node.progress.min(2);
@@ -239,7 +242,7 @@ fn a_task_that_no_demonstration_ends_is_told() {
 fn a_graph_of_another_d_max_is_told_with_both() {
     let folder = Folder::new();
     let (whole, _) = load_graph(&folder.graph).expect("the copy");
-    let mut other = TopologicalGraph::new(192, 4);
+    let mut other = TopologicalGraph::new(LATENT_DIM, 4);
     for (id, node) in whole.nodes() {
         other.add_node(node.clone(), whole.latents().row(id.index()));
     }
@@ -308,12 +311,12 @@ fn an_edge_that_is_none_is_told_with_row_column_and_value() {
         (
             "to",
             |c| with_number(c, 7, 999_999),
-            "no node 999999, the graph has 2602 nodes",
+            "no node 999999, the graph has 2695 nodes",
         ),
         (
             "from",
-            |c| with_number(c, 7, 2602),
-            "no node 2602, the graph has 2602 nodes",
+            |c| with_number(c, 7, 2695),
+            "no node 2695, the graph has 2695 nodes",
         ),
         ("steps", |c| with_number(c, 7, 9), "9 steps"),
         ("kind", unknown_kind, "'guessed' is no kind of edge"),
