@@ -65,8 +65,8 @@ pub struct LandmarkSight {
     pub peak: f32,
 }
 
-/// Values of a landmark in the latent.
-const VALUES: usize = 3;
+/// Values that each landmark brings to a latent: x, y, and how sure its place is.
+pub const LANDMARK_VALUES: usize = 3;
 
 impl LandmarkView {
     /// What a latent holds of a landmark.
@@ -75,7 +75,7 @@ impl LandmarkView {
     /// If the latent does not hold it.
     #[must_use]
     pub fn of(&self, latent: &[f32], landmark: usize) -> LandmarkSight {
-        let start = self.first + VALUES * landmark;
+        let start = self.first + LANDMARK_VALUES * landmark;
         LandmarkSight {
             pixel: std::array::from_fn(|axis| {
                 self.middle_pixels[axis] + self.unit_pixels[axis] * latent[start + axis]
@@ -101,7 +101,9 @@ impl LandmarkBook {
         if self.views.len() != cameras {
             return Some(format!("{} views of {cameras} cameras", self.views.len()));
         }
-        if let Some(view) = (self.views.iter()).find(|v| v.first + VALUES * count > latent_dim) {
+        if let Some(view) =
+            (self.views.iter()).find(|v| v.first + LANDMARK_VALUES * count > latent_dim)
+        {
             return Some(format!(
                 "{count} landmarks from value {} on, in a latent of {latent_dim} values",
                 view.first

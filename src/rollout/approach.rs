@@ -7,7 +7,7 @@ use super::place::{Sighting, place_of};
 use crate::graph::Node;
 use crate::model::{Landmark, LandmarkBook};
 use crate::task::GripperSignal;
-use crate::trajectory::{ActionSpace, CameraSpec, Posture};
+use crate::trajectory::{ActionSpace, CameraSpec, Lens, Posture};
 
 /// Brings the gripper to the place of its next event, where the encoder sees that place: the last steps of a way,
 /// in which it matters by a finger's width where a thing lies.
@@ -122,13 +122,14 @@ impl Approach {
 
     /// What the cameras see now.
     pub(super) fn look(&mut self, latent: &[f32]) {
+        let lens_of = |camera| self.book.robot.lens(&self.posture, camera);
+        let lenses: Vec<Option<Lens>> = self.cameras.iter().map(lens_of).collect();
         for (landmark, seen) in self.seen.iter_mut().enumerate() {
-            let views = self.book.views.iter().zip(&self.cameras);
-            let sightings = views.filter_map(|(view, camera)| {
+            let views = self.book.views.iter().zip(&lenses);
+            let sightings = views.filter_map(|(view, lens)| {
                 let sight = view.of(latent, landmark);
                 let is_seen = sight.peak >= LEAST_PEAK;
-                let lens = self.book.robot.lens(&self.posture, camera)?;
-                is_seen.then_some(Sighting {
+                lens.filter(|_| is_seen).map(|lens| Sighting {
                     lens,
                     pixel: sight.pixel,
                     weight: (sight.peak / FULL_PEAK).min(1.0),
@@ -226,23 +227,23 @@ impl Approach {
             let [least, most] = landmark.reach_m[axis];
             (least - REACH_M..=most + REACH_M).contains(&place[axis])
         };
+        let free = |class: usize| (!is_blocked(class)).then_some(class);
         let from = Point3::from(self.posture.gripper_m()) - place;
         if let Some((class, drive_m)) = self.keys.drive {
             let [least, most] = landmark.reach_m[0];
             let is_far = place.x > most + REACH_M && from.norm() < FAR_FROM_M;
             if is_far && place.x - drive_m > least - REACH_M {
-                return (!is_blocked(class)).then_some(class);
+                return free(class);
             }
         }
         if !is_within(0) || !is_within(1) || from.norm() > LED_FROM_M {
             return None;
         }
-        let free = |key: Option<(usize, f32)>| key.filter(|(class, _)| !is_blocked(*class));
         let tilt = landmark.tilt_rad - self.posture.tilt_rad();
         if let Some((class, step)) = self.keys.tilts[usize::from(tilt > 0.0)]
             && tilt.abs() > NEAR_STEPS * step
         {
-            return free(Some((class, step))).map(|(class, _)| class);
+            return free(class);
         }
         let approach = Vector3::from(landmark.approach);
         let ahead = -from.dot(&approach);
@@ -250,8 +251,7 @@ impl Approach {
         let (axis, off) = (0..3)
             .map(|axis| (axis, aside[axis]))
             .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
-        let key = self.keys.axes[axis][usize::from(off < 0.0)];
-        let (class, step) = key?;
+        let (class, step) = self.keys.axes[axis][usize::from(off < 0.0)]?;
         let main = approach.iamax();
         let [onward, back] = [approach[main] > 0.0, approach[main] < 0.0]
             .map(|positive| self.keys.axes[main][usize::from(positive)]);
@@ -259,22 +259,20 @@ impl Approach {
             let is_too_near = ahead < landmark.clearance_m - 0.5 * step;
             if off.abs() > ASIDE_STEPS * step
                 && is_too_near
-                && let Some((class, _)) = free(back)
+                && let Some(back) = back.and_then(|(class, _)| free(class))
             {
-                return Some(class);
+                return Some(back);
             }
-            return (!is_blocked(class)).then_some(class);
+            return free(class);
         }
-        let event = self.keys.close.filter(|class| !is_blocked(*class));
+        let event = self.keys.close.and_then(free);
         let (onward_class, step) = onward?;
         if ahead > NEAR_STEPS * step {
-            if !is_blocked(onward_class) {
-                return Some(onward_class);
-            }
-            return event.filter(|_| ahead <= TOUCHING_STEPS * step);
+            let touched = event.filter(|_| ahead <= TOUCHING_STEPS * step);
+            return free(onward_class).or(touched);
         }
         if ahead < -ASIDE_STEPS * step {
-            return free(back).map(|(class, _)| class);
+            return back.and_then(|(class, _)| free(class));
         }
         event
     }
@@ -321,181 +319,4 @@ impl Keys {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::model::LandmarkView;
-    use crate::trajectory::RobotGeometry;
-
-    const NAMES: [&str; 10] = [
-        "end_effector_left",
-        "end_effector_right",
-        "end_effector_forward",
-        "end_effector_backward",
-        "end_effector_up",
-        "end_effector_down",
-        "base_forward",
-        "wrist_down",
-        "gripper_close",
-        "gripper_open",
-    ];
-
-    fn class(name: &str) -> usize {
-        NAMES.iter().position(|n| *n == name).unwrap()
-    }
-
-    fn camera(name: &str) -> CameraSpec {
-        CameraSpec {
-            name: name.to_owned(),
-            height: 90,
-            width: 160,
-        }
-    }
-
-    fn landmark(closes: bool, approach: [f32; 3]) -> Landmark {
-        Landmark {
-            closes,
-            height_m: 0.3,
-            height_spread_m: 0.0,
-            tilt_rad: 0.0,
-            approach,
-            clearance_m: 0.07,
-            reach_m: [[0.35, 0.6], [-0.1, 0.1]],
-            error_pixels: 2.0,
-        }
-    }
-
-    fn approach(landmark: Landmark) -> Approach {
-        let view = |first| LandmarkView {
-            first,
-            middle_pixels: [80.0, 45.0],
-            unit_pixels: [80.0, 45.0],
-        };
-        let book = LandmarkBook {
-            robot: RobotGeometry::locobot(),
-            views: vec![view(0), view(3)],
-            landmarks: vec![landmark],
-            events: [("shown".to_owned(), vec![(12, 0)])].into(),
-        };
-        let space = ActionSpace::Primitives {
-            names: NAMES.map(String::from).to_vec(),
-        };
-        Approach::new(&Arc::new(book), &[camera("head"), camera("wrist")], &space).unwrap()
-    }
-
-    fn goal(step: u32) -> Node {
-        Node {
-            task: "a".to_owned(),
-            trajectory: "shown".to_owned(),
-            step,
-            reached: Vec::new(),
-            progress: 0,
-            is_end: false,
-        }
-    }
-
-    /// What the cameras see of a place, as a latent.
-    fn latent(approach: &Approach, place: &Point3<f32>) -> Vec<f32> {
-        let robot = &approach.book.robot;
-        let see = |name| match robot.pixel(&approach.posture, &camera(name), place) {
-            Some([x, y]) => [x / 80.0 - 1.0, y / 45.0 - 1.0, 1.0],
-            None => [0.0; 3],
-        };
-        [see("head"), see("wrist")].concat()
-    }
-
-    /// The names of what is done until nothing more is.
-    fn led(approach: &mut Approach, place: &Point3<f32>, blocked: &[&str]) -> Vec<&'static str> {
-        let mut done = Vec::new();
-        for _ in 0..30 {
-            approach.look(&latent(approach, place));
-            let is_blocked = |c: usize| blocked.contains(&NAMES[c]);
-            let Some(next) = approach.next(&goal(8), is_blocked) else {
-                break;
-            };
-            done.push(NAMES[next]);
-            approach.note(next);
-        }
-        done
-    }
-
-    #[test]
-    fn the_gripper_comes_into_line_goes_ahead_and_closes() {
-        let mut approach = approach(landmark(true, [1.0, 0.0, 0.0]));
-        let done = led(&mut approach, &Point3::new(0.48, 0.07, 0.3), &[]);
-        assert_eq!(done.last(), Some(&"gripper_close"), "{done:?}");
-        let ahead = done.iter().position(|n| *n == "end_effector_forward");
-        let aside = done.iter().rposition(|n| *n == "end_effector_left");
-        assert!(aside < ahead, "{done:?}");
-        let [x, y, z] = approach.posture.gripper_m();
-        let off = [x - 0.48, y - 0.07, z - 0.3].map(f32::abs);
-        assert!(off.iter().all(|o| *o < 0.02), "{off:?}");
-    }
-
-    #[test]
-    fn a_gripper_beside_its_thing_goes_back_before_it_goes_across() {
-        let mut approach = approach(landmark(true, [0.0, 0.0, -1.0]));
-        let place = Point3::new(0.42, -0.09, 0.36);
-        approach.book = Arc::new(LandmarkBook {
-            landmarks: vec![Landmark {
-                height_m: 0.36,
-                ..approach.book.landmarks[0].clone()
-            }],
-            ..(*approach.book).clone()
-        });
-        let done = led(&mut approach, &place, &[]);
-        assert_eq!(done[0], "end_effector_up", "{done:?}");
-        assert_eq!(done.last(), Some(&"gripper_close"), "{done:?}");
-        let across = done.iter().rposition(|n| *n == "end_effector_right");
-        let down = done.iter().position(|n| *n == "end_effector_down");
-        assert!(across < down, "{done:?}");
-    }
-
-    #[test]
-    fn what_stops_the_gripper_right_before_its_thing_is_that_thing() {
-        let mut approach = approach(landmark(true, [1.0, 0.0, 0.0]));
-        let place = Point3::new(0.40, 0.0, 0.36);
-        approach.book = Arc::new(LandmarkBook {
-            landmarks: vec![Landmark {
-                height_m: 0.36,
-                ..approach.book.landmarks[0].clone()
-            }],
-            ..(*approach.book).clone()
-        });
-        let done = led(&mut approach, &place, &["end_effector_forward"]);
-        assert_eq!(done, ["gripper_close"]);
-        approach.reset();
-        let far = Point3::new(0.5, 0.0, 0.36);
-        assert!(led(&mut approach, &far, &["end_effector_forward"]).is_empty());
-    }
-
-    #[test]
-    fn above_a_box_the_gripper_is_brought_across_and_left_to_the_policy() {
-        let mut approach = approach(landmark(false, [1.0, 0.0, 0.0]));
-        let place = Point3::new(0.45, 0.08, 0.3);
-        assert!(
-            led(&mut approach, &place, &[]).is_empty(),
-            "nothing is held"
-        );
-        approach.note(class("gripper_close"));
-        let done = led(&mut approach, &place, &[]);
-        assert_eq!(done, ["end_effector_left"; 3]);
-    }
-
-    #[test]
-    fn the_robot_is_not_led_from_afar_nor_where_nothing_is_seen() {
-        let mut approach = approach(landmark(true, [1.0, 0.0, 0.0]));
-        let place = Point3::new(0.54, 0.05, 0.3);
-        approach.look(&latent(&approach, &place));
-        assert!(
-            approach.next(&goal(1), |_| false).is_none(),
-            "11 steps away"
-        );
-        assert!(approach.next(&goal(13), |_| false).is_none(), "over");
-        assert!(approach.next(&goal(6), |_| false).is_some());
-        approach.reset();
-        approach.look(&[0.0; 6]);
-        assert!(approach.next(&goal(6), |_| false).is_none());
-        approach.look(&latent(&approach, &Point3::new(0.9, 0.0, 0.3)));
-        assert!(approach.next(&goal(6), |_| false).is_none(), "out of reach");
-    }
-}
+mod tests;

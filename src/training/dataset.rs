@@ -4,7 +4,7 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use super::missed_grasps::missed_grasps;
+use super::missed_grasps::{lasting_events, missed_grasps};
 use super::{ImitationConfig, TrainingError};
 use crate::task::{GripperEvent, GripperSignal};
 use crate::trajectory::{
@@ -199,6 +199,20 @@ impl Dataset {
     #[must_use]
     pub fn gripper_events(&self, trajectory: u32) -> &[(usize, GripperEvent)] {
         &self.trajectories[trajectory as usize].gripper
+    }
+
+    /// When the gripper closed and opened, missed grasps left out.
+    ///
+    /// # Panics
+    /// If there is no such trajectory.
+    #[must_use]
+    pub fn lasting_events(
+        &self,
+        trajectory: u32,
+        config: &ImitationConfig,
+    ) -> Vec<(usize, GripperEvent)> {
+        let trajectory = &self.trajectories[trajectory as usize];
+        lasting_events(&trajectory.gripper, &trajectory.markers, config)
     }
 
     /// Whether the action at a step is one to imitate: not part of a missed grasp.

@@ -231,7 +231,6 @@ mod tests {
     use super::*;
     use crate::training::sampler::NearPair;
     use crate::training::{StateRef, synthetic};
-    use crate::trajectory::{Action, ActionSpace, DemonstrationSet};
 
     fn at(trajectory: u32, step: u32) -> StateRef {
         StateRef { trajectory, step }
@@ -295,20 +294,9 @@ mod tests {
 
     #[test]
     fn a_missed_grasp_is_left_out_of_the_policy_and_of_nothing_else() {
-        let mut set = synthetic::demonstrations("a", 2, 9, 1)
-            .trajectories()
-            .to_vec();
-        for trajectory in &mut set {
-            trajectory.action_space = ActionSpace::Primitives {
-                names: ["gripper_close", "gripper_open", "up", "down"]
-                    .map(String::from)
-                    .to_vec(),
-            };
-            for (step, action) in trajectory.steps.iter_mut().zip([2, 2, 3, 3, 0, 1, 2, 2, 2]) {
-                step.action = Action::Primitive(action);
-            }
-        }
-        let data = Dataset::new(&[DemonstrationSet::new("a", set).unwrap()]).unwrap();
+        let names = ["gripper_close", "gripper_open", "up", "down"];
+        let set = synthetic::acting(&names, &[2, 2, 3, 3, 0, 1, 2, 2, 2]);
+        let data = Dataset::new(&[set]).unwrap();
         let mut config = TrainingConfig::default();
         let all = Targets::of(&draw(), &data, &config);
         assert_eq!(all.policy.from, [0, 1, 0]);

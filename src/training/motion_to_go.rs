@@ -4,7 +4,6 @@
 use std::collections::HashMap;
 
 use super::augmentation::Mirror;
-use super::missed_grasps::lasting_events;
 use super::{Dataset, ImitationConfig, StateRef, TrainingConfig, TrainingError};
 use crate::task::GripperSignal;
 use crate::trajectory::ActionSpace;
@@ -117,11 +116,7 @@ fn along(
     axes: &[Axis],
     imitation: &ImitationConfig,
 ) -> Vec<Option<Vec<f32>>> {
-    let (events, markers) = (
-        data.gripper_events(trajectory),
-        data.marker_steps(trajectory),
-    );
-    let events = lasting_events(events, markers, imitation);
+    let events = data.lasting_events(trajectory, imitation);
     let mut counted: Option<Vec<i32>> = None;
     let mut found = vec![None; data.steps(trajectory)];
     for (step, values) in found.iter_mut().enumerate().rev() {
@@ -157,7 +152,6 @@ mod tests {
 
     use super::*;
     use crate::training::{AugmentationConfig, synthetic};
-    use crate::trajectory::{Action, DemonstrationSet};
 
     const NAMES: [&str; 6] = [
         "left",
@@ -169,19 +163,7 @@ mod tests {
     ];
 
     fn dataset(actions: [usize; 9]) -> Dataset {
-        let mut set = synthetic::demonstrations("a", 2, 9, 1)
-            .trajectories()
-            .to_vec();
-        for trajectory in &mut set {
-            trajectory.action_space = ActionSpace::Primitives {
-                names: NAMES.map(String::from).to_vec(),
-            };
-            trajectory.markers.clear();
-            for (step, action) in trajectory.steps.iter_mut().zip(actions) {
-                step.action = Action::Primitive(action);
-            }
-        }
-        Dataset::new(&[DemonstrationSet::new("a", set).unwrap()]).unwrap()
+        Dataset::new(&[synthetic::acting(&NAMES, &actions)]).unwrap()
     }
 
     fn counts(motion: &MotionToGo, step: u32) -> Option<Vec<i32>> {

@@ -14,7 +14,7 @@ pub use encoder::{CameraEncoder, ResidualBlock, Stage, feature_maps};
 pub use head::{Dense, FlowHead};
 pub use initialiser::Initialiser;
 pub use keypoints::{Keypoints, coordinate_values};
-pub use landmarks::{LANDMARK_VALUES, Landmarks, PEAK_GAIN, PLACE_GAIN, place_values};
+pub use landmarks::{Landmarks, PEAK_GAIN, PLACE_GAIN, place_values};
 pub use motion_head::MotionHead;
 
 use burn::module::Module;
@@ -23,6 +23,7 @@ use burn::tensor::{Device, Tensor};
 
 use super::NetworkConfig;
 use super::patches::PatchGrid;
+use crate::model::LANDMARK_VALUES;
 use crate::training::encodings::beside_each_other;
 use crate::training::masks::HeadMasks;
 

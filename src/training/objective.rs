@@ -68,11 +68,10 @@ impl Objective {
             _ => Tensor::zeros([1], device),
         };
 
-        let landmarks = match &config.landmarks {
-            Some(_) if !landmark_logits.is_empty() => {
-                landmark_error(&landmark_logits, input.landmarks, device)
-            }
-            _ => Tensor::zeros([1], device),
+        let landmarks = if landmark_logits.is_empty() {
+            Tensor::zeros([1], device)
+        } else {
+            landmark_error(&landmark_logits, input.landmarks, device)
         };
         let landmark_weight = config.landmarks.as_ref().map_or(0.0, |l| l.weight);
 

@@ -19,6 +19,22 @@ pub fn demonstrations(task: &str, count: usize, steps: usize, seed: u64) -> Demo
     demonstrations_sized(task, count, steps, seed, (16, 24))
 }
 
+/// Two demonstrations of nine steps that do the same, by primitives of these names.
+pub fn acting(names: &[&str], actions: &[usize; 9]) -> DemonstrationSet {
+    let mut trajectories = demonstrations("a", 2, actions.len(), 1)
+        .trajectories()
+        .to_vec();
+    for trajectory in &mut trajectories {
+        trajectory.action_space = ActionSpace::Primitives {
+            names: names.iter().map(|name| (*name).to_owned()).collect(),
+        };
+        for (step, action) in trajectory.steps.iter_mut().zip(actions) {
+            step.action = Action::Primitive(*action);
+        }
+    }
+    DemonstrationSet::new("a", trajectories).expect("made alike")
+}
+
 /// Demonstrations of any size.
 pub fn demonstrations_sized(
     task: &str,

@@ -6,11 +6,11 @@ use super::batch::Pictures;
 use super::checkpoint::{BestSoFar, Checkpoint};
 use super::landmarks::landmark_count;
 use super::motion_to_go::motion_axes;
-use super::network::{LANDMARK_VALUES, OutputSizes};
+use super::network::OutputSizes;
 use super::patches::PatchGrid;
 use super::weights::{NamedWeights, assign, collect, weight_count};
 use super::{ChannelNormalisation, Dataset, LatentFlowNetwork, TrainingConfig, TrainingError};
-use crate::model::{LandmarkBook, ModelSpec, ValidationMetrics};
+use crate::model::{LANDMARK_VALUES, LandmarkBook, ModelSpec, ValidationMetrics};
 
 /// A network with everything that is needed to export it.
 #[derive(Debug)]

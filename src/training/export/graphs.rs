@@ -1,12 +1,13 @@
 use burn::tensor::Tensor;
 
 use super::onnx::{Attribute, OnnxGraph};
+use crate::model::LANDMARK_VALUES;
 use crate::training::TrainedModel;
 use crate::training::batch::Pictures;
 use crate::training::evaluation::values;
 use crate::training::network::{
-    CameraEncoder, Dense, FlowHead, HeadKind, Keypoints, LANDMARK_VALUES, Landmarks, MotionHead,
-    PEAK_GAIN, ResidualBlock, Stage, coordinate_values, place_values,
+    CameraEncoder, Dense, FlowHead, HeadKind, Keypoints, Landmarks, MotionHead, PEAK_GAIN,
+    ResidualBlock, Stage, coordinate_values, place_values,
 };
 use crate::training::patches::PatchGrid;
 

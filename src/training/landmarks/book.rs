@@ -1,9 +1,11 @@
 //! What a model says of its landmarks to those who run it.
 
-use super::{LandmarkConfig, Landmarks, events_of, landmark_count, numbers, pixel_of, postures};
-use crate::model::{Landmark, LandmarkBook, LandmarkView};
+use std::collections::BTreeMap;
+
+use super::{LandmarkConfig, Landmarks, landmark_count, numbers, pixel_of, postures};
+use crate::model::{LANDMARK_VALUES, Landmark, LandmarkBook, LandmarkView};
+use crate::task::GripperEvent;
 use crate::training::motion_to_go::motion_axes;
-use crate::training::network::LANDMARK_VALUES;
 use crate::training::patches::PatchGrid;
 use crate::training::{Dataset, TrainingConfig};
 use crate::trajectory::{Posture, RobotGeometry};
@@ -41,14 +43,14 @@ impl Landmarks {
         let ways: Vec<Vec<Posture>> = all.clone().map(|t| postures(data, t, robot)).collect();
         let used: usize = numbers.iter().map(|(_, most)| most).sum();
         let mut shown: Vec<Vec<Event<'_>>> = (0..used).map(|_| Vec::new()).collect();
-        let mut events = std::collections::BTreeMap::new();
+        let mut events = BTreeMap::new();
         for trajectory in all {
             let (first, most) = numbers[data.set_of(trajectory)];
             let postures = &ways[trajectory as usize];
             let mut of_demonstration = Vec::new();
-            let lasting = events_of(data, trajectory, &config.imitation);
+            let lasting = data.lasting_events(trajectory, &config.imitation);
             for (number, (step, event)) in lasting.into_iter().take(most).enumerate() {
-                let closes = event == crate::task::GripperEvent::Close;
+                let closes = event == GripperEvent::Close;
                 of_demonstration.push((step as u32, first + number));
                 shown[first + number].push(Event {
                     postures,

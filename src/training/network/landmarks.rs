@@ -3,9 +3,8 @@ use burn::tensor::activation::{relu, softmax};
 use burn::tensor::{Tensor, TensorData};
 
 use super::{Dense, Initialiser, coordinate_values};
+use crate::model::LANDMARK_VALUES;
 
-/// Values that each landmark brings to a latent: x, y, and how sure its place is.
-pub const LANDMARK_VALUES: usize = 3;
 /// What coordinates, which lie between -1 and 1, are multiplied with, so that heads notice a few pixels.
 pub const PLACE_GAIN: f32 = 4.0;
 /// What the sum of squared shares is multiplied with.

@@ -175,48 +175,44 @@ fn grasping() -> [DemonstrationSet; 2] {
     })
 }
 
-#[test]
-fn the_motion_to_go_is_learnt_and_told_of_held_out_states() {
+/// The losses and validations before and after eighty steps on one batch.
+fn trained_on_one_batch(config: &TrainingConfig) -> [(StepLosses, ValidationMetrics); 2] {
     let folder = tempfile::tempdir().unwrap();
-    let mut config = tiny(120);
-    config.motion_weight = 2.0;
-    config.augmentation.mirror_share = 0.4;
     let data = Dataset::new(&grasping()).unwrap();
-    let mut run = Run::prepare(&data, &config, folder.path(), &Device::flex()).unwrap();
+    let mut run = Run::prepare(&data, config, folder.path(), &Device::flex()).unwrap();
     let batch = first_batch(&run);
-    let untold = run.validate(&mut SilentObserver).motion_explained;
+    let untold = run.validate(&mut SilentObserver);
     let first = run.step(batch(), 3e-3).unwrap();
     for step in 1..=80 {
         run.step(batch(), 3e-3).unwrap();
         run.learner.note_step(step);
     }
     let last = run.step(batch(), 3e-3).unwrap();
+    [(first, untold), (last, run.validate(&mut SilentObserver))]
+}
+
+#[test]
+fn the_motion_to_go_is_learnt_and_told_of_held_out_states() {
+    let mut config = tiny(120);
+    config.motion_weight = 2.0;
+    config.augmentation.mirror_share = 0.4;
+    let [(first, untold), (last, told)] = trained_on_one_batch(&config);
     assert!(last.motion < 0.5 * first.motion, "{first:?} {last:?}");
-    let told = run.validate(&mut SilentObserver).motion_explained;
+    let (untold, told) = (untold.motion_explained, told.motion_explained);
     assert!(untold.is_some() && told != untold);
 }
 
 #[test]
 fn landmarks_are_learnt_and_their_error_is_told() {
-    let folder = tempfile::tempdir().unwrap();
     let mut config = tiny(120);
     config.landmarks = Some(LandmarkConfig::bedroom());
     let robot = &mut config.landmarks.as_mut().unwrap().robot;
     let moves = robot.primitives["end_effector_left"];
     robot.primitives.insert("left".to_owned(), moves);
     config.augmentation.mirror_share = 0.4;
-    let data = Dataset::new(&grasping()).unwrap();
-    let mut run = Run::prepare(&data, &config, folder.path(), &Device::flex()).unwrap();
-    let batch = first_batch(&run);
-    let untold = run.validate(&mut SilentObserver).landmark_error_pixels;
-    let first = run.step(batch(), 3e-3).unwrap();
-    for step in 1..=80 {
-        run.step(batch(), 3e-3).unwrap();
-        run.learner.note_step(step);
-    }
-    let last = run.step(batch(), 3e-3).unwrap();
+    let [(first, untold), (last, told)] = trained_on_one_batch(&config);
     assert!(last.landmarks < 0.8 * first.landmarks, "{first:?} {last:?}");
-    let told = run.validate(&mut SilentObserver).landmark_error_pixels;
+    let (untold, told) = (untold.landmark_error_pixels, told.landmark_error_pixels);
     assert!(untold.is_some() && told != untold);
 }
 

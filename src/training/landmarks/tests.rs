@@ -1,0 +1,185 @@
+use super::*;
+use crate::training::{Preset, synthetic};
+use crate::trajectory::DemonstrationSet;
+
+const NAMES: [&str; 4] = ["left", "ahead", "gripper_close", "gripper_open"];
+
+/// The gripper is 0.4 m ahead of a camera with a focal length of 8 pixels on the base, and 0.2 m ahead of
+/// one on itself.
+const ROBOT: &str = r#"{
+    "gripper_m": [0.4, 0.0, 0.3],
+    "primitives": {"left": {"gripper_m": [0.0, 0.05, 0.0]}, "ahead": {"drive_m": 0.1}},
+    "cameras": {
+        "head": {"on": "base", "position_m": [0.0, 0.0, 0.3], "tilt_rad": 0.0, "vertical_fov_rad": 1.5707964},
+        "wrist": {"on": "gripper", "position_m": [-0.2, 0.0, 0.0], "tilt_rad": 0.0, "vertical_fov_rad": 1.5707964}
+    }
+}"#;
+
+fn config() -> TrainingConfig {
+    let mut config = Preset::Tiny.config();
+    config.landmarks = Some(LandmarkConfig {
+        weight: 1.0,
+        count: 4,
+        robot: serde_json::from_str(ROBOT).unwrap(),
+    });
+    config
+}
+
+fn dataset(tasks: &[[usize; 9]]) -> Dataset {
+    let sets: Vec<DemonstrationSet> = (tasks.iter())
+        .map(|actions| synthetic::acting(&NAMES, actions))
+        .collect();
+    Dataset::new(&sets).unwrap()
+}
+
+fn at(trajectory: u32, step: u32) -> StateRef {
+    StateRef { trajectory, step }
+}
+
+fn learnt(data: &Dataset, config: &TrainingConfig) -> Landmarks {
+    let all: Vec<u32> = (0..data.trajectory_count() as u32).collect();
+    Landmarks::of_training(data, &all, config).unwrap()
+}
+
+fn grids(data: &Dataset, config: &TrainingConfig) -> Vec<PatchGrid> {
+    PatchGrid::of_cameras(data.cameras(), config.stack, &config.network.encoder)
+}
+
+#[test]
+fn the_place_of_a_closing_is_seen_before_it_and_not_after() {
+    // Two to the left, one ahead, close, one ahead, open.
+    let data = dataset(&[[0, 0, 1, 2, 1, 3, 0, 0, 0], [1, 1, 2, 1, 1, 1, 1, 1, 1]]);
+    let found = learnt(&data, &config());
+    let first = found.sightings(at(0, 0));
+    assert_eq!(first.len(), 2);
+    assert_eq!((first[0].landmark, first[1].landmark), (0, 1));
+    // 0.1 m to the left at a distance of 0.5 m, and of 0.3 m.
+    let near = |found: Option<[f32; 2]>, x: f32| {
+        let [found, y] = found.unwrap();
+        assert!(
+            (found - x).abs() < 1e-3 && (y - 8.0).abs() < 1e-3,
+            "{found} {y}"
+        );
+    };
+    near(first[0].pixels[0], 12.0 - 8.0 * 0.1 / 0.5);
+    near(first[0].pixels[1], 12.0 - 8.0 * 0.1 / 0.3);
+    let closing = found.sightings(at(0, 3));
+    near(closing[0].pixels[1], 12.0);
+    let opening = |step| found.sightings(at(0, step)).iter().any(|s| s.landmark == 1);
+    assert!(opening(1) && !opening(2), "what the gripper holds hides it");
+    assert!(found.sightings(at(0, 4)).is_empty());
+    assert_eq!(found.sightings(at(2, 0))[0].landmark, 2, "the other task's");
+}
+
+#[test]
+fn targets_move_with_the_pictures() {
+    let data = dataset(&[[0, 0, 1, 2, 1, 1, 1, 1, 1]]);
+    let config = config();
+    let (found, grids) = (learnt(&data, &config), grids(&data, &config));
+    let target = |variation: Variation| {
+        let varied = vec![vec![variation; 2]];
+        found.targets(&[at(0, 3)], &varied, &grids).swap_remove(0)
+    };
+    let cells = grids[0].positions();
+    // At the closing the head sees it 0.1 m to the left at 0.4 m: pixel 10, between cells 2 and 3 of 4 pixels.
+    let share = |target: &[f32], column: usize| -> f32 {
+        let rows = target[..cells].chunks_exact(grids[0].columns());
+        rows.map(|row| row[column]).sum()
+    };
+    let still = target(Variation::NONE);
+    assert!((still[..cells].iter().sum::<f32>() - 1.0).abs() < 1e-5);
+    assert!(
+        still[cells..].iter().all(|v| *v == 0.0),
+        "others are unknown"
+    );
+    assert!(share(&still, 2) > 0.5, "{still:?}");
+    let mirrored = target(Variation {
+        is_mirrored: true,
+        ..Variation::NONE
+    });
+    assert!((share(&mirrored, 3) - share(&still, 2)).abs() < 1e-5);
+    let moved = target(Variation {
+        right_pixels: 4,
+        ..Variation::NONE
+    });
+    assert!((share(&moved, 3) - share(&still, 2)).abs() < 1e-3);
+    let gone = target(Variation {
+        right_pixels: -11,
+        ..Variation::NONE
+    });
+    let even = ABSENT_WEIGHT / cells as f32;
+    assert!(gone[..cells].iter().all(|v| (v - even).abs() < 1e-7));
+}
+
+#[test]
+fn errors_are_told_in_pixels() {
+    let data = dataset(&[[0, 0, 1, 2, 1, 1, 1, 1, 1]]);
+    let config = config();
+    let (found, grids) = (learnt(&data, &config), grids(&data, &config));
+    let state = at(0, 3);
+    let told: Vec<Vec<f32>> = (found.sightings(state)[0].pixels.iter().zip(&grids))
+        .map(|(pixel, grid)| {
+            let (first, [x, y]) = (first_cell(grid), pixel.unwrap());
+            let value = |pixel: f32, axis: usize, count: usize| {
+                let cell = (pixel - first[axis]) / grid.stride as f32;
+                ((2.0 * cell + 1.0) / count as f32 - 1.0) * PLACE_GAIN
+            };
+            let mut told = vec![0.0; 4 * LANDMARK_VALUES];
+            told[0] = value(x + 3.0, 0, grid.columns());
+            told[1] = value(y - 4.0, 1, grid.rows());
+            told
+        })
+        .collect();
+    let error = found.error_pixels(&[state], &told, &grids).unwrap();
+    assert!((error - 5.0).abs() < 1e-3, "{error}");
+    assert_eq!(found.error_pixels(&[at(0, 5)], &told, &grids), None);
+}
+
+#[test]
+fn a_book_says_how_demonstrations_come_to_a_place() {
+    let data = dataset(&[[0, 1, 1, 2, 1, 3, 0, 0, 0]]);
+    let config = config();
+    let grids = grids(&data, &config);
+    let book = Landmarks::book(&data, &config, &grids, &[2.0, 9.0, 0.0, 0.0]).unwrap();
+    assert_eq!(book.landmarks.len(), 2, "two of four are used");
+    let closing = &book.landmarks[0];
+    assert!(closing.closes && !book.landmarks[1].closes);
+    assert_eq!(closing.approach, [1.0, 0.0, 0.0]);
+    assert!((closing.clearance_m - 0.2).abs() < 1e-5, "{closing:?}");
+    assert_eq!(closing.reach_m, [[0.4; 2], [0.05; 2]]);
+    assert_eq!((closing.height_m, closing.error_pixels), (0.3, 2.0));
+    assert_eq!(book.events[data.id_of(1)], [(3, 0), (5, 1)]);
+    // Two cameras of 8 values come first, and what the second sees of four landmarks comes last.
+    let spec = crate::training::trained_model::spec_of(&data, &config);
+    assert_eq!(spec.latent_dim, 16 + 2 * 4 * 3);
+    assert_eq!(book.misfit(spec.latent_dim, 2), None);
+    let mut latent = vec![0.0; spec.latent_dim];
+    latent[16 + 12 + 3] = PLACE_GAIN * 0.5;
+    let [x, y] = book.views[1].of(&latent, 1).pixel;
+    assert_eq!([x, y], pixel_of([PLACE_GAIN * 0.5, 0.0], &grids[1]));
+}
+
+#[test]
+fn what_shows_no_landmarks_is_refused_with_the_reason() {
+    let data = dataset(&[[0, 0, 1, 2, 1, 3, 0, 0, 0]]);
+    check_landmarks(&config(), &data).unwrap();
+    let refused = |change: &dyn Fn(&mut LandmarkConfig), data: &Dataset, reason: &str| {
+        let mut config = config();
+        change(config.landmarks.as_mut().unwrap());
+        let message = check_landmarks(&config, data).unwrap_err().to_string();
+        assert!(message.contains(reason), "{message}");
+    };
+    refused(
+        &|l| l.count = 1,
+        &data,
+        "count is 1, and the demonstrations have 2",
+    );
+    refused(
+        &|l| l.robot.cameras.retain(|name, _| name == "head"),
+        &data,
+        "has head, and the demonstrations show 'wrist'",
+    );
+    refused(&|l| l.robot.primitives.clear(), &data, "describes none of");
+    let without = Dataset::new(&[synthetic::demonstrations("a", 2, 9, 1)]).unwrap();
+    refused(&|_| (), &without, "neither `gripper_close` nor");
+}
