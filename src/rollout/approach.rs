@@ -37,14 +37,18 @@ struct Keys {
     axes: [[Option<(usize, f32)>; 2]; 3],
     /// Tilt up, tilt down.
     tilts: [Option<(usize, f32)>; 2],
-    /// The base ahead.
-    drive: Option<(usize, f32)>,
+    /// The base back, the base ahead.
+    drives: [Option<(usize, f32)>; 2],
     close: Option<usize>,
     open: Option<usize>,
 }
 
 /// Pictures that a place is found from.
 const REMEMBERED: usize = 6;
+/// The same of a place at which the gripper is to open: it is seen well from some way off only.
+const OPENING_REMEMBERED: usize = 12;
+/// How near to such a place, to any side, the gripper hides it.
+const HIDDEN_M: f32 = 0.1;
 /// Sureness from which a sighting counts.
 const LEAST_PEAK: f32 = 0.05;
 /// Sureness from which it counts in full.
@@ -56,7 +60,7 @@ const LARGEST_ERROR_PIXELS: f32 = 12.0;
 /// Steps before an event from which on the robot is led.
 const LED_FROM_STEPS: u32 = 10;
 /// The same before it opens.
-const OPENING_FROM_STEPS: u32 = 5;
+const OPENING_FROM_STEPS: u32 = 10;
 /// Farthest from the place that the robot is led, in metres.
 const LED_FROM_M: f32 = 0.3;
 /// How much farther out than in any demonstration a place may be reached for, in metres.
@@ -124,7 +128,16 @@ impl Approach {
     pub(super) fn look(&mut self, latent: &[f32]) {
         let lens_of = |camera| self.book.robot.lens(&self.posture, camera);
         let lenses: Vec<Option<Lens>> = self.cameras.iter().map(lens_of).collect();
+        let hidden: Vec<bool> = (0..self.seen.len()).map(|n| self.is_hidden(n)).collect();
         for (landmark, seen) in self.seen.iter_mut().enumerate() {
+            if hidden[landmark] {
+                continue;
+            }
+            let remembered = if self.book.landmarks[landmark].closes {
+                REMEMBERED
+            } else {
+                OPENING_REMEMBERED
+            };
             let views = self.book.views.iter().zip(&lenses);
             let sightings = views.filter_map(|(view, lens)| {
                 let sight = view.of(latent, landmark);
@@ -136,7 +149,7 @@ impl Approach {
                 })
             });
             seen.push_back(sightings.collect());
-            if seen.len() > REMEMBERED {
+            if seen.len() > remembered {
                 seen.pop_front();
             }
         }
@@ -161,14 +174,34 @@ impl Approach {
         if steps > from || is_worn_out || !is_due || is_unseen {
             return None;
         }
+        let place = self.place(number)?;
         let class = if landmark.closes {
-            let place = self.place(number)?;
             self.towards(landmark, &place, is_blocked)
         } else {
-            self.across(landmark, self.place_aside_m(number)?, is_blocked)
+            self.over(landmark, &place, is_blocked)
         }?;
         self.led_steps += 1;
         self.closings += usize::from(Some(class) == self.keys.close);
+        Some(class)
+    }
+
+    /// What is done instead where the policy would open the gripper beside the place of the opening that follows a
+    /// goal state. `is_blocked` says whether a class had no effect here.
+    pub(super) fn instead_of(
+        &mut self,
+        class: usize,
+        goal: &Node,
+        is_blocked: impl Fn(usize) -> bool,
+    ) -> Option<usize> {
+        let (number, _) = self.book.next_event(&goal.trajectory, goal.step)?;
+        let landmark = &self.book.landmarks[number];
+        let opens = Some(class) == self.keys.open && self.is_closed && !landmark.closes;
+        let is_unseen = landmark.error_pixels > LARGEST_ERROR_PIXELS;
+        if !opens || is_unseen || self.led_steps >= MOST_LED_STEPS {
+            return None;
+        }
+        let class = self.over(landmark, &self.place(number)?, is_blocked)?;
+        self.led_steps += 1;
         Some(class)
     }
 
@@ -184,37 +217,48 @@ impl Approach {
         Some(self.posture.in_base(&place))
     }
 
-    /// How far to the left a landmark is, in the base's frame, if it is as far ahead as in demonstrations: above a box
-    /// or a table a pixel says little of how far ahead the place is.
-    fn place_aside_m(&self, number: usize) -> Option<f32> {
-        let [least, most] = self.book.landmarks[number].reach_m[0];
-        let ahead = f32::midpoint(least, most);
-        let (mut sum, mut weight) = (0.0, 0.0);
-        for sighting in self.seen[number].iter().flatten() {
-            let (lens, ray) = sighting.lens.ray(sighting.pixel);
-            let lens = self.posture.in_base(&lens);
-            let ray = self.posture.direction_in_base(&ray);
-            let far = (ahead - lens.x) / ray.x;
-            if far.is_finite() && far > 0.0 {
-                sum += sighting.weight * (lens.y + far * ray.y);
-                weight += sighting.weight;
-            }
+    /// Whether the gripper hides a landmark at which it is to open.
+    fn is_hidden(&self, number: usize) -> bool {
+        if self.book.landmarks[number].closes || !self.is_closed {
+            return false;
         }
-        (weight >= LEAST_WEIGHT).then(|| sum / weight)
+        self.place(number).is_some_and(|place| {
+            let from = Point3::from(self.posture.gripper_m()) - place;
+            from.xy().norm() < HIDDEN_M
+        })
     }
 
-    /// The gripper to the side of a place at which it is to open.
-    fn across(
+    /// The gripper over a place at which it is to open: first to the side, then ahead, and then it opens.
+    fn over(
         &self,
         landmark: &Landmark,
-        place_m: f32,
+        place: &Point3<f32>,
         is_blocked: impl Fn(usize) -> bool,
     ) -> Option<usize> {
+        let free = |class: usize| (!is_blocked(class)).then_some(class);
+        let from = Point3::from(self.posture.gripper_m()) - place;
+        let [least, most] = landmark.reach_m[0];
+        let reach = least - REACH_M..=most + REACH_M;
+        if from.xy().norm() > FAR_FROM_M {
+            return None;
+        }
+        if !reach.contains(&place.x) {
+            let (class, drive_m) = self.keys.drives[usize::from(place.x > most)]?;
+            let driven = place.x - drive_m * (place.x - most).signum();
+            return free(class).filter(|_| reach.contains(&driven));
+        }
         let [least, most] = landmark.reach_m[1];
-        let aside = place_m.clamp(least - BESIDE_M, most + BESIDE_M);
+        let aside = place.y.clamp(least - BESIDE_M, most + BESIDE_M);
         let off = self.posture.gripper_m()[1] - aside;
         let (class, step) = self.keys.axes[1][usize::from(off < 0.0)]?;
-        (off.abs() > NEAR_STEPS * step && !is_blocked(class)).then_some(class)
+        if off.abs() > NEAR_STEPS * step {
+            return free(class);
+        }
+        let (class, step) = self.keys.axes[0][usize::from(from.x < 0.0)]?;
+        if from.x.abs() > NEAR_STEPS * step {
+            return free(class);
+        }
+        self.keys.open.filter(|_| aside == place.y).and_then(free)
     }
 
     fn towards(
@@ -229,7 +273,7 @@ impl Approach {
         };
         let free = |class: usize| (!is_blocked(class)).then_some(class);
         let from = Point3::from(self.posture.gripper_m()) - place;
-        if let Some((class, drive_m)) = self.keys.drive {
+        if let Some((class, drive_m)) = self.keys.drives[1] {
             let [least, most] = landmark.reach_m[0];
             let is_far = place.x > most + REACH_M && from.norm() < FAR_FROM_M;
             if is_far && place.x - drive_m > least - REACH_M {
@@ -287,7 +331,7 @@ impl Keys {
             names: names.clone(),
             axes: [[None; 2]; 3],
             tilts: [None; 2],
-            drive: None,
+            drives: [None; 2],
             close: None,
             open: None,
         };
@@ -298,8 +342,9 @@ impl Keys {
             let Some(moved) = book.robot.primitives.get(name) else {
                 continue;
             };
-            if moved.drive_m > 0.0 && moved.turn_rad == 0.0 {
-                keys.drive = Some((class, moved.drive_m));
+            if moved.drive_m != 0.0 && moved.turn_rad == 0.0 {
+                let ahead = usize::from(moved.drive_m > 0.0);
+                keys.drives[ahead] = Some((class, moved.drive_m.abs()));
             }
             if moved.drive_m != 0.0 || moved.turn_rad != 0.0 {
                 continue;

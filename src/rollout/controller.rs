@@ -275,13 +275,20 @@ impl<'a> Controller<'a> {
             return Ok((distribution, vec![class]));
         }
         let is_stuck = self.run.step - self.run.progress_step >= self.options.doubt_steps;
-        let classes = if is_stuck {
+        let mut classes = if is_stuck {
             self.run.reflex.draw(&distribution, &mut self.run.rng)
         } else {
             self.run
                 .reflex
                 .choose(&distribution, self.options.least_substitute)
         };
+        if let Some(approach) = &mut self.approach {
+            let goal = self.planner.graph().node(goal.node);
+            let is_ruled_out = |class| self.run.reflex.is_ruled_out(class);
+            if let Some(class) = approach.instead_of(classes[0], goal, is_ruled_out) {
+                classes = vec![class];
+            }
+        }
         Ok((distribution, classes))
     }
 }

@@ -41,6 +41,11 @@ pub struct LandmarkConfig {
     /// How many there are: of each task as many as its demonstrations close and open the gripper, missed grasps not
     /// counted. A network may hold more than its tasks have.
     pub count: usize,
+    /// How far below the gripper the place of an opening is, in metres: where a thing that is let go comes to lie.
+    /// That place is seen; the one of the gripper above it is nowhere in a picture, and how far away it is cannot be
+    /// told from a camera of about its height.
+    #[serde(default)]
+    pub drop_m: f32,
     /// What the robot's actions move and where its cameras look.
     pub robot: RobotGeometry,
 }
@@ -52,7 +57,16 @@ impl LandmarkConfig {
         Self {
             weight: 1.0,
             count: 8,
+            drop_m: 0.12,
             robot: RobotGeometry::locobot(),
+        }
+    }
+
+    /// How far below the gripper the place of an event is.
+    fn drop_of(&self, event: GripperEvent) -> f32 {
+        match event {
+            GripperEvent::Open => self.drop_m,
+            GripperEvent::Close => 0.0,
         }
     }
 
@@ -68,6 +82,12 @@ impl LandmarkConfig {
             "landmarks.count",
             self.count,
             "it must be 1 or more; without landmarks, set landmarks to null",
+        )?;
+        demand(
+            self.drop_m >= 0.0 && self.drop_m.is_finite(),
+            "landmarks.drop_m",
+            self.drop_m,
+            "it must be 0 or more: metres from the gripper down to where a thing comes to lie",
         )?;
         demand(
             !encoder.stage_channels.is_empty(),
@@ -162,7 +182,7 @@ impl Landmarks {
             let (first, most) = numbers[data.set_of(trajectory)];
             let mut events = data.lasting_events(trajectory, &config.imitation);
             events.truncate(most);
-            sightings(data, trajectory, &events, first, &landmarks.robot)
+            sightings(data, trajectory, &events, first, landmarks)
         };
         let of = trajectories.iter().map(|t| (*t, find(*t))).collect();
         Some(Self { count, of })
@@ -329,8 +349,9 @@ fn sightings(
     trajectory: u32,
     events: &[(usize, GripperEvent)],
     first: usize,
-    robot: &RobotGeometry,
+    config: &LandmarkConfig,
 ) -> Vec<Vec<Sighting>> {
+    let robot = &config.robot;
     let postures = postures(data, trajectory, robot);
     let sightings_at = |(step, posture)| {
         let is_shown = |event: &GripperEvent, steps_before: usize| {
@@ -341,8 +362,9 @@ fn sightings(
                 .is_some_and(|before| is_shown(event, before))
         });
         to_come
-            .map(|(number, (at, _))| {
-                let place = robot.gripper(&postures[*at]);
+            .map(|(number, (at, event))| {
+                let mut place = robot.gripper(&postures[*at]);
+                place.z -= config.drop_of(*event);
                 let cameras = data.cameras().iter();
                 Sighting {
                     landmark: first + number,

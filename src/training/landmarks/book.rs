@@ -8,7 +8,7 @@ use crate::task::GripperEvent;
 use crate::training::motion_to_go::motion_axes;
 use crate::training::patches::PatchGrid;
 use crate::training::{Dataset, TrainingConfig};
-use crate::trajectory::{Posture, RobotGeometry};
+use crate::trajectory::Posture;
 
 /// Steps before an event over which the gripper's last way is told.
 const LAST_STEPS: usize = 3;
@@ -36,7 +36,8 @@ impl Landmarks {
         grids: &[PatchGrid],
         errors: &[f32],
     ) -> Option<LandmarkBook> {
-        let LandmarkConfig { robot, .. } = config.landmarks.as_ref()?;
+        let learnt = config.landmarks.as_ref()?;
+        let robot = &learnt.robot;
         let count = landmark_count(config);
         let numbers = numbers(data, &config.imitation);
         let all = 0..data.trajectory_count() as u32;
@@ -61,7 +62,7 @@ impl Landmarks {
             events.insert(data.id_of(trajectory).to_owned(), of_demonstration);
         }
         let found = (shown.iter().zip(errors))
-            .map(|(events, error)| landmark(robot, events, *error))
+            .map(|(events, error)| landmark(learnt, events, *error))
             .collect();
         let encoded = grids.len() * config.network.encoder.latent_dim;
         let before = encoded + motion_axes(data.action_space(), config);
@@ -83,7 +84,8 @@ impl Landmarks {
     }
 }
 
-fn landmark(robot: &RobotGeometry, events: &[Event<'_>], error_pixels: f32) -> Landmark {
+fn landmark(config: &LandmarkConfig, events: &[Event<'_>], error_pixels: f32) -> Landmark {
+    let robot = &config.robot;
     let closes = events.first().is_some_and(|e| e.closes);
     let at = |event: &Event<'_>| event.postures[event.step].gripper_m();
     // From the place to the gripper, in the base's frame at that time.
@@ -114,7 +116,12 @@ fn landmark(robot: &RobotGeometry, events: &[Event<'_>], error_pixels: f32) -> L
         far.map(|from| -from[main] * approach[main])
             .fold(0.0, f32::max)
     };
-    let heights: Vec<f32> = events.iter().map(|e| at(e)[2]).collect();
+    let drop_m = config.drop_of(if closes {
+        GripperEvent::Close
+    } else {
+        GripperEvent::Open
+    });
+    let heights: Vec<f32> = events.iter().map(|e| at(e)[2] - drop_m).collect();
     let reach = |axis: usize| {
         let all = events.iter().map(|e| at(e)[axis]);
         [

@@ -20,6 +20,7 @@ fn config() -> TrainingConfig {
     config.landmarks = Some(LandmarkConfig {
         weight: 1.0,
         count: 4,
+        drop_m: 0.0,
         robot: serde_json::from_str(ROBOT).unwrap(),
     });
     config
