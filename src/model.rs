@@ -18,7 +18,9 @@ pub use baseline::{
 };
 pub use encoder::Encoder;
 pub use error::ModelError;
-pub use landmark_book::{LANDMARK_VALUES, Landmark, LandmarkBook, LandmarkSight, LandmarkView};
+pub use landmark_book::{
+    HIDDEN_M, LANDMARK_VALUES, Landmark, LandmarkBook, LandmarkSight, LandmarkView,
+};
 pub use latents::Latents;
 pub use manifest::{
     ENCODER_FILE, LANDMARKS_FILE, MANIFEST_FILE, MODEL_FORMAT_VERSION, ManifestError,

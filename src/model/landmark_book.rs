@@ -68,6 +68,10 @@ pub struct LandmarkSight {
 /// Values that each landmark brings to a latent: x, y, and how sure its place is.
 pub const LANDMARK_VALUES: usize = 3;
 
+/// How near to the place of an opening, to any side, the gripper hides it, in metres: what cameras see of it there is
+/// neither learnt nor believed.
+pub const HIDDEN_M: f32 = 0.15;
+
 impl LandmarkView {
     /// What a latent holds of a landmark.
     ///

@@ -5,7 +5,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::place::{Sighting, place_of};
 use crate::graph::Node;
-use crate::model::{Landmark, LandmarkBook};
+use crate::model::{HIDDEN_M, Landmark, LandmarkBook};
 use crate::task::GripperSignal;
 use crate::trajectory::{ActionSpace, CameraSpec, Lens, Posture};
 
@@ -47,8 +47,6 @@ struct Keys {
 const REMEMBERED: usize = 6;
 /// The same of a place at which the gripper is to open: it is seen well from some way off only.
 const OPENING_REMEMBERED: usize = 12;
-/// How near to such a place, to any side, the gripper hides it.
-const HIDDEN_M: f32 = 0.1;
 /// Sureness from which a sighting counts.
 const LEAST_PEAK: f32 = 0.05;
 /// Sureness from which it counts in full.

@@ -18,7 +18,7 @@ use super::config::demand;
 use super::network::PLACE_GAIN;
 use super::patches::PatchGrid;
 use super::{Dataset, EncoderConfig, ImitationConfig, StateRef, TrainingConfig, TrainingError};
-use crate::model::LANDMARK_VALUES;
+use crate::model::{HIDDEN_M, LANDMARK_VALUES};
 use crate::task::{GripperEvent, GripperSignal};
 use crate::trajectory::{ActionSpace, Posture, RobotGeometry};
 
@@ -26,9 +26,6 @@ use crate::trajectory::{ActionSpace, Posture, RobotGeometry};
 const SPREAD_CELLS: f32 = 0.7;
 /// Steps before an event over which it is told how well its landmark is seen.
 const BEFORE_EVENT_STEPS: usize = 10;
-/// Steps before the gripper opens in which its place is not told: what it holds hides that place, and would be
-/// learnt instead.
-const OPENING_STEPS: usize = 4;
 /// What all landmarks that are out of the picture weigh beside all that are in it.
 const ABSENT_WEIGHT: f32 = 0.1;
 
@@ -354,13 +351,14 @@ fn sightings(
     let robot = &config.robot;
     let postures = postures(data, trajectory, robot);
     let sightings_at = |(step, posture)| {
-        let is_shown = |event: &GripperEvent, steps_before: usize| {
-            *event == GripperEvent::Close || steps_before >= OPENING_STEPS
+        let gripper = robot.gripper(posture);
+        // Beside the gripper that place is hidden by what it holds, which would be learnt instead.
+        let is_shown = |at: usize, event: &GripperEvent| {
+            let from = robot.gripper(&postures[at]) - gripper;
+            *event == GripperEvent::Close || from.xy().norm() >= HIDDEN_M
         };
-        let to_come = events.iter().enumerate().filter(|(_, (at, event))| {
-            at.checked_sub(step)
-                .is_some_and(|before| is_shown(event, before))
-        });
+        let to_come = (events.iter().enumerate())
+            .filter(|(_, (at, event))| *at >= step && is_shown(*at, event));
         to_come
             .map(|(number, (at, event))| {
                 let mut place = robot.gripper(&postures[*at]);
