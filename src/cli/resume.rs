@@ -13,6 +13,7 @@ use crate::experiment::{ExperimentError, ResumedBedroom, ScoredBedroom};
 use crate::simulator::Bedroom;
 use crate::storage::read_trajectory;
 use crate::task::Automaton;
+use crate::trajectory::Step;
 
 /// Name of a run's recording in its folder.
 pub(super) const RECORDING: &str = "rollout.mcap";
@@ -65,12 +66,13 @@ pub(super) fn folder(name: &str, stage: usize) -> PathBuf {
     results_folder(name).join(format!("from_stage_{stage}"))
 }
 
-/// The room as the recorded run left it when the stage began, and what is to be said of it.
+/// The room as the recorded run left it when the stage began, what is to be said of it, and the recorded steps up to
+/// then, the last one of which only its pictures count.
 pub(super) fn room(
     loaded: &Loaded,
     run_arguments: &RunArguments,
     stage: usize,
-) -> Result<(ResumedBedroom, ResumeReport), CliError> {
+) -> Result<(ResumedBedroom, ResumeReport, Vec<Step>), CliError> {
     let composition = &loaded.composition;
     let earlier = || results_folder(&composition.name).join(RECORDING);
     let path = run_arguments.from.clone().unwrap_or_else(earlier);
@@ -98,7 +100,9 @@ pub(super) fn room(
         recording: path,
         replayed_steps: room.replayed_steps(),
     };
-    Ok((room, report))
+    let mut steps = recording.trajectory.steps;
+    steps.truncate(room.replayed_steps() + 1);
+    Ok((room, report, steps))
 }
 
 #[cfg(test)]

@@ -102,6 +102,9 @@ pub(super) fn run(run_arguments: &RunArguments, arguments: &Arguments) -> Result
         planned.planner,
         loaded.rollout_options(None),
     )?;
+    if let [done @ .., now] = &room.before[..] {
+        rollout.go_on_from(done, &now.observation);
+    }
     let seed = room.seed;
     let episode = rollout.run(room.environment.as_mut(), seed, &mut recorder)?;
     let result = EpisodeResult::new(seed, &episode, room.environment.scored().score());
@@ -146,6 +149,8 @@ struct Room {
     environment: Box<dyn Scored>,
     seed: u64,
     resumed: Option<ResumeReport>,
+    /// What is done again at every reset, and after it what is seen then.
+    before: Vec<Step>,
 }
 
 impl Room {
@@ -155,11 +160,12 @@ impl Room {
         stage: Option<usize>,
     ) -> Result<Self, CliError> {
         if let Some(stage) = stage {
-            let (room, report) = resume::room(loaded, run_arguments, stage)?;
+            let (room, report, before) = resume::room(loaded, run_arguments, stage)?;
             return Ok(Self {
                 seed: room.seed(),
                 environment: Box::new(room),
                 resumed: Some(report),
+                before,
             });
         }
         let bedroom = Bedroom::new(loaded.bedroom()?);
@@ -168,6 +174,7 @@ impl Room {
             environment: Box::new(ScoredBedroom::new(bedroom, &automaton)),
             seed: run_arguments.seed,
             resumed: None,
+            before: Vec::new(),
         })
     }
 }

@@ -25,6 +25,24 @@ impl ActionDistribution {
             .collect()
     }
 
+    /// The same without a class of the first head, whose probability goes to the others in proportion; as it is where
+    /// they have none.
+    #[must_use]
+    pub fn without(&self, class: usize) -> Self {
+        let mut heads = self.heads.clone();
+        if let Some(head) = heads.first_mut()
+            && let Some(p) = head.get_mut(class)
+        {
+            *p = 0.0;
+            let rest: f32 = head.iter().sum();
+            if rest <= 0.0 {
+                return self.clone();
+            }
+            head.iter_mut().for_each(|p| *p /= rest);
+        }
+        Self { heads }
+    }
+
     /// The weighted mean of distributions over the same heads; weights need not sum to 1.
     ///
     /// # Panics

@@ -57,8 +57,10 @@ const LEAST_WEIGHT: f32 = 0.5;
 const LARGEST_ERROR_PIXELS: f32 = 12.0;
 /// Steps before an event from which on the robot is led.
 const LED_FROM_STEPS: u32 = 10;
-/// The same before it opens.
-const OPENING_FROM_STEPS: u32 = 10;
+/// Steps that a goal state may lie behind an opening that is still to come.
+const GOAL_AHEAD_STEPS: u32 = 6;
+/// Steps before an opening up to which what is held is not let go.
+const HELD_STEPS: u32 = 12;
 /// Farthest from the place that the robot is led, in metres.
 const LED_FROM_M: f32 = 0.3;
 /// How much farther out than in any demonstration a place may be reached for, in metres.
@@ -71,6 +73,8 @@ const FAR_FROM_M: f32 = 0.4;
 const MOST_CLOSINGS: usize = 3;
 /// Most steps that a stage is led.
 const MOST_LED_STEPS: usize = 60;
+/// Steps to and fro from which on demonstrations aim along an axis; where they do not, the gripper may be as far off.
+const WIDE_STEPS: f32 = 2.5;
 /// Share of a primitive's step that the gripper may be off.
 const NEAR_STEPS: f32 = 0.6;
 /// Steps to one side from which the gripper goes back to come into line.
@@ -160,16 +164,11 @@ impl Approach {
         goal: &Node,
         is_blocked: impl Fn(usize) -> bool,
     ) -> Option<usize> {
-        let (number, steps) = self.book.next_event(&goal.trajectory, goal.step)?;
+        let (number, steps) = self.due(goal)?;
         let landmark = &self.book.landmarks[number];
-        let (is_due, from) = if landmark.closes {
-            (!self.is_closed, LED_FROM_STEPS)
-        } else {
-            (self.is_closed, OPENING_FROM_STEPS)
-        };
         let is_worn_out = self.led_steps >= MOST_LED_STEPS || self.closings >= MOST_CLOSINGS;
         let is_unseen = landmark.error_pixels > LARGEST_ERROR_PIXELS;
-        if steps > from || is_worn_out || !is_due || is_unseen {
+        if steps > LED_FROM_STEPS || is_worn_out || is_unseen {
             return None;
         }
         let place = self.place(number)?;
@@ -183,6 +182,37 @@ impl Approach {
         Some(class)
     }
 
+    /// The event that is still to come after a goal state, and how many steps after it: what is open closes next, what
+    /// is closed opens. An opening may also lie on the way to that state; what was not closed by then was missed.
+    fn due(&self, goal: &Node) -> Option<(usize, u32)> {
+        let events = self.book.events.get(&goal.trajectory)?;
+        let near = (events.iter()).skip_while(|(at, _)| at + GOAL_AHEAD_STEPS < goal.step);
+        for (at, number) in near {
+            let closes = self.book.landmarks[*number].closes;
+            if closes != self.is_closed && (!closes || *at >= goal.step) {
+                return Some((*number, at.saturating_sub(goal.step)));
+            }
+            if *at >= goal.step {
+                return None;
+            }
+        }
+        None
+    }
+
+    /// The class that would let go what the plan still carries on: the opening that is due is many steps away, or its
+    /// place is.
+    pub(super) fn too_early(&self, goal: &Node) -> Option<usize> {
+        let (number, steps) = self.due(goal)?;
+        if self.book.landmarks[number].closes {
+            return None;
+        }
+        let is_far = self.place(number).is_some_and(|place| {
+            let from = Point3::from(self.posture.gripper_m()) - place;
+            from.xy().norm() > LED_FROM_M
+        });
+        self.keys.open.filter(|_| is_far || steps > HELD_STEPS)
+    }
+
     /// What is done instead where the policy would open the gripper beside the place of the opening that follows a
     /// goal state. `is_blocked` says whether a class had no effect here.
     pub(super) fn instead_of(
@@ -191,9 +221,9 @@ impl Approach {
         goal: &Node,
         is_blocked: impl Fn(usize) -> bool,
     ) -> Option<usize> {
-        let (number, _) = self.book.next_event(&goal.trajectory, goal.step)?;
+        let (number, _) = self.due(goal)?;
         let landmark = &self.book.landmarks[number];
-        let opens = Some(class) == self.keys.open && self.is_closed && !landmark.closes;
+        let opens = Some(class) == self.keys.open && !landmark.closes;
         let is_unseen = landmark.error_pixels > LARGEST_ERROR_PIXELS;
         if !opens || is_unseen || self.led_steps >= MOST_LED_STEPS {
             return None;
@@ -226,7 +256,8 @@ impl Approach {
         })
     }
 
-    /// The gripper over a place at which it is to open: first to the side, then ahead, and then it opens.
+    /// The gripper over a place at which it is to open: first to the side, then ahead, and then it opens. Along an axis
+    /// along which demonstrations do not move it to and fro before they open it, the place is wide, or the base aims.
     fn over(
         &self,
         landmark: &Landmark,
@@ -234,12 +265,14 @@ impl Approach {
         is_blocked: impl Fn(usize) -> bool,
     ) -> Option<usize> {
         let free = |class: usize| (!is_blocked(class)).then_some(class);
-        let from = Point3::from(self.posture.gripper_m()) - place;
-        let [least, most] = landmark.reach_m[0];
-        let reach = least - REACH_M..=most + REACH_M;
+        let gripper = Point3::from(self.posture.gripper_m());
+        let from = gripper - place;
         if from.xy().norm() > FAR_FROM_M {
             return None;
         }
+        let [least, most] = landmark.reach_m[0];
+        let beyond = REACH_M + self.wide_m(landmark, 0);
+        let reach = least - beyond..=most + beyond;
         if !reach.contains(&place.x) {
             let (class, drive_m) = self.keys.drives[usize::from(place.x > most)]?;
             let driven = place.x - drive_m * (place.x - most).signum();
@@ -247,16 +280,20 @@ impl Approach {
         }
         let [least, most] = landmark.reach_m[1];
         let aside = place.y.clamp(least - BESIDE_M, most + BESIDE_M);
-        let off = self.posture.gripper_m()[1] - aside;
-        let (class, step) = self.keys.axes[1][usize::from(off < 0.0)]?;
-        if off.abs() > NEAR_STEPS * step {
-            return free(class);
-        }
-        let (class, step) = self.keys.axes[0][usize::from(from.x < 0.0)]?;
-        if from.x.abs() > NEAR_STEPS * step {
-            return free(class);
+        for (axis, off) in [(1, gripper.y - aside), (0, from.x)] {
+            let (class, step) = self.keys.axes[axis][usize::from(off < 0.0)]?;
+            if off.abs() > self.wide_m(landmark, axis).max(NEAR_STEPS * step) {
+                return free(class);
+            }
         }
         self.keys.open.filter(|_| aside == place.y).and_then(free)
+    }
+
+    /// How far to one side of a place along an axis the gripper may open, where demonstrations do not aim along it.
+    fn wide_m(&self, landmark: &Landmark, axis: usize) -> f32 {
+        let [least, most] = landmark.reach_m[axis];
+        let wide = self.keys.axes[axis][1].map_or(0.0, |(_, step)| WIDE_STEPS * step);
+        if most - least > wide { 0.0 } else { wide }
     }
 
     fn towards(

@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use super::approach::Approach;
+use super::reflex::Reflex;
 use super::running::{Run, Watch};
 use super::{
     EpisodeEnd, Event, Monitor, RolloutError, RolloutModel, RolloutOptions, Sight, StepRecord,
@@ -9,7 +10,7 @@ use super::{
 use crate::composer::OnShortcut;
 use crate::model::{ActionDistribution, Latents, ModelSpec};
 use crate::planner::{GoalChoice, Localisation, Planner, StageChange};
-use crate::trajectory::{ActionSpace, Observation};
+use crate::trajectory::{ActionSpace, Observation, Step};
 
 /// Answers each observation of a robot with the action to take, until the composition is done: the loop
 /// without the robot, for programs that hold the robot themselves. [`Rollout`](super::Rollout) closes it
@@ -24,6 +25,8 @@ pub struct Controller<'a> {
     pub(super) options: RolloutOptions,
     pub(super) run: Run,
     approach: Option<Approach>,
+    /// Classes of what was done before episodes begin and moved something.
+    before: Vec<usize>,
 }
 
 /// What a [`Controller`] made of an observation.
@@ -62,6 +65,7 @@ impl<'a> Controller<'a> {
         });
         Ok(Self {
             run: Run::new(0, &spec.action_space),
+            before: Vec::new(),
             approach,
             model,
             planner,
@@ -113,7 +117,25 @@ impl<'a> Controller<'a> {
         self.run = Run::new(seed, &self.model.encoder.spec().action_space);
         if let Some(approach) = &mut self.approach {
             approach.reset();
+            self.before.iter().for_each(|class| approach.note(*class));
         }
+    }
+
+    /// Episodes that [`reset`](Self::reset) begins go on from here: `done` is what the robot saw and did since it
+    /// stood as demonstrations begin, `seen` is what it sees now. So it knows where its gripper is, and whether that
+    /// is open. Actions that are none of the model's are skipped.
+    pub fn go_on_from(&mut self, done: &[Step], seen: &Observation) {
+        let space = &self.model.encoder.spec().action_space;
+        let stillness = self.options.stillness();
+        let mut reflex = Reflex::new(space);
+        let after = (done.iter().skip(1)).map(|step| &*step.observation);
+        let pairs = done.iter().zip(after.chain([seen]));
+        let moved = pairs.filter_map(|(step, after)| {
+            let classes = space.classes(&step.action).ok()?;
+            let has_moved = reflex.note(&classes, &step.observation, after, stillness);
+            classes.first().copied().filter(|_| has_moved)
+        });
+        self.before = moved.collect();
     }
 
     /// The next observation: the first one of the episode, or what is seen after the last action. After an
@@ -275,17 +297,19 @@ impl<'a> Controller<'a> {
             return Ok((distribution, vec![class]));
         }
         let is_stuck = self.run.step - self.run.progress_step >= self.options.doubt_steps;
+        let node = self.planner.graph().node(goal.node);
+        let too_early = self.approach.as_ref().and_then(|a| a.too_early(node));
+        let open_to = too_early.map_or_else(|| distribution.clone(), |c| distribution.without(c));
         let mut classes = if is_stuck {
-            self.run.reflex.draw(&distribution, &mut self.run.rng)
+            self.run.reflex.draw(&open_to, &mut self.run.rng)
         } else {
             self.run
                 .reflex
-                .choose(&distribution, self.options.least_substitute)
+                .choose(&open_to, self.options.least_substitute)
         };
         if let Some(approach) = &mut self.approach {
-            let goal = self.planner.graph().node(goal.node);
             let is_ruled_out = |class| self.run.reflex.is_ruled_out(class);
-            if let Some(class) = approach.instead_of(classes[0], goal, is_ruled_out) {
+            if let Some(class) = approach.instead_of(classes[0], node, is_ruled_out) {
                 classes = vec![class];
             }
         }

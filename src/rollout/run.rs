@@ -4,6 +4,7 @@ use super::{Controller, Decision, Episode, RolloutError, RolloutObserver, Rollou
 use crate::environment::Environment;
 use crate::model::{Encoder, LandmarkBook, LocalPolicy, Traversability};
 use crate::planner::Planner;
+use crate::trajectory::{Observation, Step};
 
 /// The parts of a learned model; one object often is all of them.
 #[derive(Clone, Copy)]
@@ -44,6 +45,12 @@ impl<'a> Rollout<'a> {
     #[must_use]
     pub fn planner(&self) -> &Planner {
         self.controller.planner()
+    }
+
+    /// Lets the controller know what the environment did before the episodes that its resets begin; see
+    /// [`Controller::go_on_from`].
+    pub fn go_on_from(&mut self, done: &[Step], seen: &Observation) {
+        self.controller.go_on_from(done, seen);
     }
 
     /// One episode from a reset of the environment to an end.

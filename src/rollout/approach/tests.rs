@@ -2,7 +2,7 @@ use super::*;
 use crate::model::LandmarkView;
 use crate::trajectory::RobotGeometry;
 
-const NAMES: [&str; 10] = [
+const NAMES: [&str; 11] = [
     "end_effector_left",
     "end_effector_right",
     "end_effector_forward",
@@ -10,6 +10,7 @@ const NAMES: [&str; 10] = [
     "end_effector_up",
     "end_effector_down",
     "base_forward",
+    "base_backward",
     "wrist_down",
     "gripper_close",
     "gripper_open",
@@ -145,7 +146,7 @@ fn what_stops_the_gripper_right_before_its_thing_is_that_thing() {
 }
 
 #[test]
-fn above_a_box_the_gripper_is_brought_across_and_left_to_the_policy() {
+fn the_gripper_is_brought_over_a_place_first_to_the_side_and_then_opens() {
     let mut approach = approach(landmark(false, [1.0, 0.0, 0.0]));
     let place = Point3::new(0.45, 0.08, 0.3);
     assert!(
@@ -154,7 +155,72 @@ fn above_a_box_the_gripper_is_brought_across_and_left_to_the_policy() {
     );
     approach.note(class("gripper_close"));
     let done = led(&mut approach, &place, &[]);
-    assert_eq!(done, ["end_effector_left"; 3]);
+    let expected = [
+        &["end_effector_left"; 3][..],
+        &["end_effector_forward"; 3],
+        &["gripper_open"],
+    ];
+    assert_eq!(done, expected.concat());
+}
+
+#[test]
+fn the_base_is_driven_to_where_the_gripper_reaches_over_a_place() {
+    for (ahead, drive) in [
+        ([0.35, 0.45], "base_forward"),
+        ([0.7, 0.8], "base_backward"),
+    ] {
+        let mut approach = approach(Landmark {
+            reach_m: [ahead, [-0.1, 0.1]],
+            ..landmark(false, [1.0, 0.0, 0.0])
+        });
+        approach.note(class("gripper_close"));
+        approach.look(&latent(&approach, &Point3::new(0.57, 0.0, 0.3)));
+        let next = approach.next(&goal(8), |_| false);
+        assert_eq!(next.map(|class| NAMES[class]), Some(drive));
+    }
+}
+
+#[test]
+fn what_is_seen_of_a_place_beside_the_gripper_is_not_believed() {
+    let mut approach = approach(landmark(false, [1.0, 0.0, 0.0]));
+    approach.note(class("gripper_close"));
+    let place = Point3::new(0.45, 0.0, 0.3);
+    approach.look(&latent(&approach, &place));
+    approach.look(&latent(&approach, &Point3::new(0.45, 0.3, 0.3)));
+    let believed = approach.place(0).unwrap();
+    assert!((believed - place).norm() < 0.01, "{believed}");
+}
+
+#[test]
+fn what_is_held_is_not_let_go_beside_its_place_nor_long_before() {
+    let mut approach = approach(landmark(false, [1.0, 0.0, 0.0]));
+    let open = class("gripper_open");
+    let far = Node {
+        trajectory: "far".to_owned(),
+        ..goal(0)
+    };
+    approach.book = Arc::new(LandmarkBook {
+        events: [
+            ("shown".to_owned(), vec![(12, 0)]),
+            ("far".to_owned(), vec![(40, 0)]),
+        ]
+        .into(),
+        ..(*approach.book).clone()
+    });
+    assert_eq!(approach.too_early(&far), None, "nothing is held");
+    approach.note(class("gripper_close"));
+    assert_eq!(approach.too_early(&far), Some(open));
+    assert_eq!(approach.too_early(&goal(8)), None);
+    assert_eq!(
+        approach.instead_of(open, &goal(1), |_| false),
+        None,
+        "nothing is seen"
+    );
+    approach.look(&latent(&approach, &Point3::new(0.45, 0.08, 0.3)));
+    let instead = approach.instead_of(open, &goal(1), |_| false);
+    assert_eq!(instead, Some(class("end_effector_left")));
+    let other = class("end_effector_up");
+    assert_eq!(approach.instead_of(other, &goal(1), |_| false), None);
 }
 
 #[test]

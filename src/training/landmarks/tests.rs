@@ -67,9 +67,34 @@ fn the_place_of_a_closing_is_seen_before_it_and_not_after() {
     let closing = found.sightings(at(0, 3));
     near(closing[0].pixels[1], 12.0);
     let opening = |step| found.sightings(at(0, step)).iter().any(|s| s.landmark == 1);
-    assert!(opening(1) && !opening(2), "what the gripper holds hides it");
+    assert!(opening(2) && !opening(3), "what the gripper holds hides it");
     assert!(found.sightings(at(0, 4)).is_empty());
     assert_eq!(found.sightings(at(2, 0))[0].landmark, 2, "the other task's");
+}
+
+#[test]
+fn the_place_of_an_opening_is_below_the_gripper() {
+    let data = dataset(&[[0, 0, 1, 2, 1, 3, 0, 0, 0]]);
+    let mut config = config();
+    let pixel = |config: &TrainingConfig| {
+        let found = learnt(&data, config);
+        let seen = &found.sightings(at(0, 0))[1];
+        assert_eq!(seen.landmark, 1);
+        seen.pixels[0].unwrap()
+    };
+    let [x, y] = pixel(&config);
+    config.landmarks.as_mut().unwrap().drop_m = 0.12;
+    let [below_x, below_y] = pixel(&config);
+    assert!((below_x - x).abs() < 1e-3, "{below_x} {x}");
+    // 0.12 m lower at a distance of 0.6 m.
+    assert!(
+        (below_y - y - 8.0 * 0.12 / 0.6).abs() < 1e-3,
+        "{below_y} {y}"
+    );
+    let grids = grids(&data, &config);
+    let book = Landmarks::book(&data, &config, &grids, &[1.0, 2.0, 3.0, 4.0]).unwrap();
+    let heights: Vec<f32> = book.landmarks.iter().map(|l| l.height_m).collect();
+    assert!((heights[0] - heights[1] - 0.12).abs() < 1e-4, "{heights:?}");
 }
 
 #[test]
