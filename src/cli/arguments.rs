@@ -316,9 +316,8 @@ pub struct ComposeArguments {
 pub struct RunArguments {
     /// The composition's YAML file.
     pub file: PathBuf,
-    /// Seed of the episode. The default is the first one of the evaluations in the README, and one of those
-    /// that succeed.
-    #[arg(long, default_value_t = 100)]
+    /// Seed of the episode. The default is one of the evaluations in the README, and one of those that succeed.
+    #[arg(long, default_value_t = 111)]
     pub seed: u64,
     /// Where the results go; by default `out/` and the composition's name, and of a resumed run a folder
     /// within it.
