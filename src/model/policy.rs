@@ -38,7 +38,9 @@ impl ActionDistribution {
             if rest <= 0.0 {
                 return self.clone();
             }
-            head.iter_mut().for_each(|p| *p /= rest);
+            for p in head.iter_mut() {
+                *p /= rest;
+            }
         }
         Self { heads }
     }
