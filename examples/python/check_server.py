@@ -29,7 +29,7 @@ from openpi_client.websocket_client_policy import WebsocketClientPolicy
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 COMPOSITION = "tasks/sequences/sock_then_trash.yaml"
 HOST = "127.0.0.1"
-SEED = 100
+SEED = 111
 
 
 @contextlib.contextmanager

@@ -2,7 +2,7 @@
 
     catena serve tasks/sequences/sock_then_trash.yaml
     catena simulate tasks/sequences/sock_then_trash.yaml
-    python examples/python/drive.py --seed 100
+    python examples/python/drive.py --seed 111
 """
 
 import argparse
@@ -34,7 +34,7 @@ def main():
     parser.add_argument("--host", default="127.0.0.1")
     parser.add_argument("--policy-port", type=int, default=8000)
     parser.add_argument("--robot-port", type=int, default=8001)
-    parser.add_argument("--seed", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=111)
     arguments = parser.parse_args()
     policy = WebsocketClientPolicy(arguments.host, arguments.policy_port)
     robot = BedroomEnv(arguments.host, arguments.robot_port)
