@@ -97,3 +97,18 @@ pub trait LocalPolicy {
     /// cannot be run.
     fn act(&self, from: &[f32], goal: &[f32]) -> Result<ActionDistribution, ModelError>;
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_a_class_the_others_keep_their_proportions() {
+        let of = |head: &[f32]| ActionDistribution {
+            heads: vec![head.to_vec()],
+        };
+        assert_eq!(of(&[0.5, 0.25, 0.25]).without(0), of(&[0.0, 0.5, 0.5]));
+        assert_eq!(of(&[0.0, 1.0]).without(1), of(&[0.0, 1.0]));
+        assert_eq!(of(&[0.4, 0.6]).without(2).most_probable(), [1]);
+    }
+}
