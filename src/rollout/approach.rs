@@ -1,12 +1,15 @@
+mod keys;
+
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use nalgebra::{Point3, Vector3};
 
+use keys::Keys;
+
 use super::place::{Sighting, place_of};
 use crate::graph::Node;
 use crate::model::{HIDDEN_M, Landmark, LandmarkBook};
-use crate::task::GripperSignal;
 use crate::trajectory::{ActionSpace, CameraSpec, Lens, Posture};
 
 /// Brings the gripper to the place of its next event, where the encoder sees that place: the last steps of a way,
@@ -27,20 +30,6 @@ pub(super) struct Approach {
     led_steps: usize,
     /// Closings of this stage to which it was led.
     closings: usize,
-}
-
-/// The primitives that move the gripper, by what they move.
-#[derive(Clone, Debug)]
-struct Keys {
-    names: Vec<String>,
-    /// For each axis the class that moves against it and the one that moves along it, and by how much.
-    axes: [[Option<(usize, f32)>; 2]; 3],
-    /// Tilt up, tilt down.
-    tilts: [Option<(usize, f32)>; 2],
-    /// The base back, the base ahead.
-    drives: [Option<(usize, f32)>; 2],
-    close: Option<usize>,
-    open: Option<usize>,
 }
 
 /// Pictures that a place is found from.
@@ -206,10 +195,9 @@ impl Approach {
         if self.book.landmarks[number].closes {
             return None;
         }
-        let is_far = self.place(number).is_some_and(|place| {
-            let from = Point3::from(self.posture.gripper_m()) - place;
-            from.xy().norm() > LED_FROM_M
-        });
+        let is_far = self
+            .place(number)
+            .is_some_and(|place| self.beside_m(&place) > LED_FROM_M);
         self.keys.open.filter(|_| is_far || steps > HELD_STEPS)
     }
 
@@ -250,10 +238,14 @@ impl Approach {
         if self.book.landmarks[number].closes || !self.is_closed {
             return false;
         }
-        self.place(number).is_some_and(|place| {
-            let from = Point3::from(self.posture.gripper_m()) - place;
-            from.xy().norm() < HIDDEN_M
-        })
+        self.place(number)
+            .is_some_and(|place| self.beside_m(&place) < HIDDEN_M)
+    }
+
+    /// How far the gripper is from a place, over the floor.
+    fn beside_m(&self, place: &Point3<f32>) -> f32 {
+        let from = Point3::from(self.posture.gripper_m()) - place;
+        from.xy().norm()
     }
 
     /// The gripper over a place at which it is to open: first to the side, then ahead, and then it opens. Along an axis
@@ -266,8 +258,7 @@ impl Approach {
     ) -> Option<usize> {
         let free = |class: usize| (!is_blocked(class)).then_some(class);
         let gripper = Point3::from(self.posture.gripper_m());
-        let from = gripper - place;
-        if from.xy().norm() > FAR_FROM_M {
+        if self.beside_m(place) > FAR_FROM_M {
             return None;
         }
         let [least, most] = landmark.reach_m[0];
@@ -280,7 +271,7 @@ impl Approach {
         }
         let [least, most] = landmark.reach_m[1];
         let aside = place.y.clamp(least - BESIDE_M, most + BESIDE_M);
-        for (axis, off) in [(1, gripper.y - aside), (0, from.x)] {
+        for (axis, off) in [(1, gripper.y - aside), (0, gripper.x - place.x)] {
             let (class, step) = self.keys.axes[axis][usize::from(off < 0.0)]?;
             if off.abs() > self.wide_m(landmark, axis).max(NEAR_STEPS * step) {
                 return free(class);
@@ -354,47 +345,6 @@ impl Approach {
             return back.and_then(|(class, _)| free(class));
         }
         event
-    }
-}
-
-impl Keys {
-    fn of(book: &LandmarkBook, space: &ActionSpace) -> Option<Self> {
-        let ActionSpace::Primitives { names } = space else {
-            return None;
-        };
-        let mut keys = Self {
-            names: names.clone(),
-            axes: [[None; 2]; 3],
-            tilts: [None; 2],
-            drives: [None; 2],
-            close: None,
-            open: None,
-        };
-        if let [close, open] = GripperSignal::default().classes(space)[..] {
-            (keys.close, keys.open) = (Some(close), Some(open));
-        }
-        for (class, name) in names.iter().enumerate() {
-            let Some(moved) = book.robot.primitives.get(name) else {
-                continue;
-            };
-            if moved.drive_m != 0.0 && moved.turn_rad == 0.0 {
-                let ahead = usize::from(moved.drive_m > 0.0);
-                keys.drives[ahead] = Some((class, moved.drive_m.abs()));
-            }
-            if moved.drive_m != 0.0 || moved.turn_rad != 0.0 {
-                continue;
-            }
-            for (axis, by) in moved.gripper_m.into_iter().enumerate() {
-                if by != 0.0 {
-                    keys.axes[axis][usize::from(by > 0.0)] = Some((class, by.abs()));
-                }
-            }
-            let by = moved.gripper_tilt_rad;
-            if by != 0.0 {
-                keys.tilts[usize::from(by > 0.0)] = Some((class, by.abs()));
-            }
-        }
-        Some(keys)
     }
 }
 

@@ -60,11 +60,8 @@ impl LandmarkConfig {
     }
 
     /// How far below the gripper the place of an event is.
-    fn drop_of(&self, event: GripperEvent) -> f32 {
-        match event {
-            GripperEvent::Open => self.drop_m,
-            GripperEvent::Close => 0.0,
-        }
+    fn drop_of(&self, closes: bool) -> f32 {
+        if closes { 0.0 } else { self.drop_m }
     }
 
     pub(super) fn check(&self, encoder: &EncoderConfig) -> Result<(), TrainingError> {
@@ -362,7 +359,7 @@ fn sightings(
         to_come
             .map(|(number, (at, event))| {
                 let mut place = robot.gripper(&postures[*at]);
-                place.z -= config.drop_of(*event);
+                place.z -= config.drop_of(*event == GripperEvent::Close);
                 let cameras = data.cameras().iter();
                 Sighting {
                     landmark: first + number,

@@ -116,11 +116,7 @@ fn landmark(config: &LandmarkConfig, events: &[Event<'_>], error_pixels: f32) ->
         far.map(|from| -from[main] * approach[main])
             .fold(0.0, f32::max)
     };
-    let drop_m = config.drop_of(if closes {
-        GripperEvent::Close
-    } else {
-        GripperEvent::Open
-    });
+    let drop_m = config.drop_of(closes);
     let heights: Vec<f32> = events.iter().map(|e| at(e)[2] - drop_m).collect();
     let reach = |axis: usize| {
         let all = events.iter().map(|e| at(e)[axis]);

@@ -1,0 +1,58 @@
+use crate::model::LandmarkBook;
+use crate::task::GripperSignal;
+use crate::trajectory::ActionSpace;
+
+/// The primitives that move the gripper, by what they move.
+#[derive(Clone, Debug)]
+pub(super) struct Keys {
+    pub(super) names: Vec<String>,
+    /// For each axis the class that moves against it and the one that moves along it, and by how much.
+    pub(super) axes: [[Option<(usize, f32)>; 2]; 3],
+    /// Tilt up, tilt down.
+    pub(super) tilts: [Option<(usize, f32)>; 2],
+    /// The base back, the base ahead.
+    pub(super) drives: [Option<(usize, f32)>; 2],
+    pub(super) close: Option<usize>,
+    pub(super) open: Option<usize>,
+}
+
+impl Keys {
+    pub(super) fn of(book: &LandmarkBook, space: &ActionSpace) -> Option<Self> {
+        let ActionSpace::Primitives { names } = space else {
+            return None;
+        };
+        let mut keys = Self {
+            names: names.clone(),
+            axes: [[None; 2]; 3],
+            tilts: [None; 2],
+            drives: [None; 2],
+            close: None,
+            open: None,
+        };
+        if let [close, open] = GripperSignal::default().classes(space)[..] {
+            (keys.close, keys.open) = (Some(close), Some(open));
+        }
+        for (class, name) in names.iter().enumerate() {
+            let Some(moved) = book.robot.primitives.get(name) else {
+                continue;
+            };
+            if moved.drive_m != 0.0 && moved.turn_rad == 0.0 {
+                let ahead = usize::from(moved.drive_m > 0.0);
+                keys.drives[ahead] = Some((class, moved.drive_m.abs()));
+            }
+            if moved.drive_m != 0.0 || moved.turn_rad != 0.0 {
+                continue;
+            }
+            for (axis, by) in moved.gripper_m.into_iter().enumerate() {
+                if by != 0.0 {
+                    keys.axes[axis][usize::from(by > 0.0)] = Some((class, by.abs()));
+                }
+            }
+            let by = moved.gripper_tilt_rad;
+            if by != 0.0 {
+                keys.tilts[usize::from(by > 0.0)] = Some((class, by.abs()));
+            }
+        }
+        Some(keys)
+    }
+}
