@@ -19,6 +19,10 @@ pub struct LandmarkBook {
     pub landmarks: Vec<Landmark>,
     /// For each demonstration the steps of its events, with the numbers of their landmarks, in order of time.
     pub events: BTreeMap<String, Vec<(u32, usize)>>,
+    /// For each demonstration the class of the action of each step. Empty in models of before, whose robots are not
+    /// told what demonstrations do with the arm.
+    #[serde(default)]
+    pub actions: BTreeMap<String, Vec<usize>>,
 }
 
 /// Where the latent holds what one camera sees of landmarks: x, y and sureness of each.
@@ -147,6 +151,7 @@ mod tests {
             }],
             landmarks: vec![landmark.clone(), landmark],
             events: [("a".to_owned(), vec![(4, 0), (9, 1)])].into(),
+            actions: BTreeMap::new(),
         }
     }
 

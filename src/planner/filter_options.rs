@@ -26,6 +26,9 @@ pub struct FilterOptions {
     pub advance_mass: f64,
     /// Votes in a row until the stage advances.
     pub advance_votes: u32,
+    /// Votes in a row until the stage advances while what is seen fits badly with where the robot is believed to be:
+    /// an arm that carries a thing as no demonstration did is seen to hold it all the same. `None`: never.
+    pub advance_votes_unfit: Option<u32>,
     /// Probability that earlier stages must have together for a vote to fall back.
     pub regress_mass: f64,
     /// Votes in a row until the stage falls back (what was held has slipped); `None`: never.
@@ -58,6 +61,7 @@ impl Default for FilterOptions {
             classifier_floor: 0.02,
             advance_mass: 0.6,
             advance_votes: 2,
+            advance_votes_unfit: Some(3),
             regress_mass: 0.85,
             regress_votes: Some(4),
             regress_stages: 1,

@@ -243,19 +243,19 @@ impl StageFilter {
         let reached = self.reached_probabilities();
         let fit = self.fit(distances);
         let support = self.support(evidence, &reached, fit);
-        // What is seen is like nothing that is believed: a belief that only drifts on decides nothing.
+        let view = StageView {
+            probabilities: &stage_probabilities,
+            reached: &reached,
+            support: &support,
+        };
+        // What is seen is like nothing that is believed: a belief that only drifts on decides little.
         let is_unfit = fit < self.options.lost_probability;
         let change = if is_unfit {
-            None
+            self.stages.vote_unfit(&self.options, &view)
         } else if self.placing_steps > 0 {
             self.place(&stage_probabilities);
             None
         } else {
-            let view = StageView {
-                probabilities: &stage_probabilities,
-                reached: &reached,
-                support: &support,
-            };
             self.stages.vote(&self.options, &view)
         };
         self.unfit_steps = if is_unfit { self.unfit_steps + 1 } else { 0 };

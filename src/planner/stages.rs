@@ -32,6 +32,8 @@ pub enum StageChange {
 
 /// Probability that a stage must have had once, behind its subgoal, for that to count as seen.
 const SEEN: f64 = 0.3;
+/// Probability of a stage that is all but certain.
+const CERTAIN: f64 = 0.9;
 /// What speaks for a shortcut counts beyond this ...
 const DOUBT: f64 = 0.5;
 /// ... and together must come to so much: two steps that are plain, or more that are less so.
@@ -52,6 +54,7 @@ pub(super) struct StageView<'a> {
 pub(super) struct Stages {
     pub(super) now: usize,
     votes: Votes,
+    unfit_votes: u32,
     /// For each stage, the largest probability it had behind its subgoal since the current stage began.
     peaks: Vec<f64>,
     /// What speaks for a shortcut, added up.
@@ -71,6 +74,7 @@ impl Stages {
         Self {
             now: 0,
             votes: Votes::default(),
+            unfit_votes: 0,
             peaks: vec![0.0; count],
             suspicion: 0.0,
             reported: [None; 2],
@@ -80,6 +84,7 @@ impl Stages {
     pub(super) fn set(&mut self, stage: usize) {
         self.now = stage;
         self.votes = Votes::default();
+        self.unfit_votes = 0;
         self.peaks.fill(0.0);
         self.suspicion = 0.0;
         self.reported = [None; 2];
@@ -91,6 +96,7 @@ impl Stages {
         options: &FilterOptions,
         view: &StageView<'_>,
     ) -> Option<StageChange> {
+        self.unfit_votes = 0;
         for (peak, p) in self.peaks.iter_mut().zip(view.reached) {
             *peak = peak.max(*p);
         }
@@ -123,6 +129,29 @@ impl Stages {
             return Some(StageChange::Regressed { to });
         }
         self.shortcut(view)
+    }
+
+    /// The same while what is seen fits badly: only on to the next stage, and only if that is all but certain.
+    pub(super) fn vote_unfit(
+        &mut self,
+        options: &FilterOptions,
+        view: &StageView<'_>,
+    ) -> Option<StageChange> {
+        let to = self.now + 1;
+        let reached = view.reached.get(to).copied().unwrap_or(0.0);
+        self.unfit_votes = if reached >= CERTAIN {
+            self.unfit_votes + 1
+        } else {
+            0
+        };
+        let enough = options
+            .advance_votes_unfit
+            .is_some_and(|votes| self.unfit_votes >= votes.max(1));
+        if !enough {
+            return None;
+        }
+        self.set(to);
+        Some(StageChange::Advanced { to })
     }
 
     /// A later subgoal that is seen to be reached, when enough speaks for it over some steps.
@@ -194,6 +223,28 @@ mod tests {
         let skipped = vec![0, 1];
         assert_eq!(said, [StageChange::Shortcut { to: 3, skipped }]);
         assert_eq!(stages.now, 0);
+    }
+
+    #[test]
+    fn a_stage_that_is_all_but_certain_is_reached_though_little_fits() {
+        let steps = |reached: f64, options: &FilterOptions| {
+            let mut stages = Stages::new(3);
+            let view = [1.0 - reached, reached, 0.0];
+            let view = StageView {
+                probabilities: &view,
+                reached: &view,
+                support: &view,
+            };
+            (1..=20).find(|_| stages.vote_unfit(options, &view).is_some())
+        };
+        let options = FilterOptions::default();
+        assert_eq!(steps(0.95, &options), Some(3));
+        assert_eq!(steps(0.8, &options), None);
+        let never = FilterOptions {
+            advance_votes_unfit: None,
+            ..options
+        };
+        assert_eq!(steps(0.95, &never), None);
     }
 
     #[test]

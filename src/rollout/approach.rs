@@ -1,3 +1,4 @@
+mod demonstrated;
 mod keys;
 
 use std::collections::VecDeque;
@@ -5,6 +6,7 @@ use std::sync::Arc;
 
 use nalgebra::{Point3, Vector3};
 
+use demonstrated::Demonstrated;
 use keys::Keys;
 
 use super::place::{Sighting, place_of};
@@ -22,6 +24,7 @@ pub(super) struct Approach {
     book: Arc<LandmarkBook>,
     cameras: Vec<CameraSpec>,
     keys: Keys,
+    shown: Arc<Demonstrated>,
     posture: Posture,
     is_closed: bool,
     /// What was lately seen of each landmark, picture by picture.
@@ -30,6 +33,12 @@ pub(super) struct Approach {
     led_steps: usize,
     /// Closings of this stage to which it was led.
     closings: usize,
+    /// Steps since the gripper closed.
+    closed_steps: u32,
+    /// The landmark at which the gripper is about to close.
+    closing: Option<usize>,
+    /// What is still to be done of what follows a closing, the next last.
+    departure: Vec<usize>,
 }
 
 /// Pictures that a place is found from.
@@ -46,7 +55,7 @@ const LEAST_WEIGHT: f32 = 0.5;
 const LARGEST_ERROR_PIXELS: f32 = 12.0;
 /// Steps before an event from which on the robot is led.
 const LED_FROM_STEPS: u32 = 10;
-/// Steps that a goal state may lie behind an opening that is still to come.
+/// Steps that a goal state may lie behind an event that is still to come.
 const GOAL_AHEAD_STEPS: u32 = 6;
 /// Steps before an opening up to which what is held is not let go.
 const HELD_STEPS: u32 = 12;
@@ -56,12 +65,16 @@ const LED_FROM_M: f32 = 0.3;
 const REACH_M: f32 = 0.06;
 /// How much farther to the side a place may be at which the gripper is to open, in metres.
 const BESIDE_M: f32 = 0.15;
+/// Steps after a closing in which it is hoped that something is held.
+const HOPE_STEPS: u32 = 10;
+/// Farthest from its place that the gripper is closed, in metres.
+const CLOSE_FROM_M: f32 = 0.07;
 /// Farthest that the base is driven up to a place out of reach, in metres.
 const FAR_FROM_M: f32 = 0.4;
 /// Most closings of a stage to which the robot is led.
-const MOST_CLOSINGS: usize = 3;
+const MOST_CLOSINGS: usize = 6;
 /// Most steps that a stage is led.
-const MOST_LED_STEPS: usize = 60;
+const MOST_LED_STEPS: usize = 120;
 /// Steps to and fro from which on demonstrations aim along an axis; where they do not, the gripper may be as far off.
 const WIDE_STEPS: f32 = 2.5;
 /// Share of a primitive's step that the gripper may be off.
@@ -78,14 +91,19 @@ impl Approach {
         cameras: &[CameraSpec],
         space: &ActionSpace,
     ) -> Option<Self> {
+        let keys = Keys::of(book, space)?;
         Some(Self {
-            keys: Keys::of(book, space)?,
+            shown: Arc::new(Demonstrated::of(book, &keys)),
+            keys,
             cameras: cameras.to_vec(),
             posture: book.robot.at_start(),
             is_closed: false,
             seen: vec![VecDeque::new(); book.landmarks.len()],
             led_steps: 0,
             closings: 0,
+            closed_steps: 0,
+            closing: None,
+            departure: Vec::new(),
             book: Arc::clone(book),
         })
     }
@@ -95,6 +113,7 @@ impl Approach {
         self.posture = self.book.robot.at_start();
         self.is_closed = false;
         self.seen.iter_mut().for_each(VecDeque::clear);
+        (self.closing, self.departure) = (None, Vec::new());
         self.enter();
     }
 
@@ -107,6 +126,10 @@ impl Approach {
     pub(super) fn note(&mut self, class: usize) {
         if Some(class) == self.keys.close {
             self.is_closed = true;
+            self.closed_steps = 0;
+            if let Some(number) = self.closing.take() {
+                self.departure = self.shown.departure(number).iter().rev().copied().collect();
+            }
         } else if Some(class) == self.keys.open {
             self.is_closed = false;
         }
@@ -117,6 +140,7 @@ impl Approach {
 
     /// What the cameras see now.
     pub(super) fn look(&mut self, latent: &[f32]) {
+        self.closed_steps += 1;
         let lens_of = |camera| self.book.robot.lens(&self.posture, camera);
         let lenses: Vec<Option<Lens>> = self.cameras.iter().map(lens_of).collect();
         let hidden: Vec<bool> = (0..self.seen.len()).map(|n| self.is_hidden(n)).collect();
@@ -146,6 +170,97 @@ impl Approach {
         }
     }
 
+    /// What follows a closing in demonstrations: whether it held is seen once the gripper is away from there.
+    pub(super) fn depart(&mut self, is_blocked: impl Fn(usize) -> bool) -> Option<usize> {
+        let class = self.departure.pop()?;
+        if is_blocked(class) {
+            self.departure.clear();
+            return None;
+        }
+        Some(class)
+    }
+
+    /// The classes that are of no use here: to close what is closed, to open what is open; where the robot is not
+    /// stuck also any of the arm where demonstrations only drive, and to let go what was just grasped.
+    pub(super) fn useless(&self, goal: &Node, is_stuck: bool) -> Vec<usize> {
+        let keys = &self.keys;
+        let pressed = if self.is_closed {
+            keys.close
+        } else {
+            keys.open
+        };
+        let mut useless: Vec<usize> = pressed.into_iter().collect();
+        if is_stuck {
+            return useless;
+        }
+        if self.shown.resting(&goal.trajectory, goal.step).is_some() {
+            useless.extend((0..keys.names.len()).filter(|class| keys.is_of_arm(*class)));
+        }
+        let hopes = self.is_closed && self.closed_steps <= HOPE_STEPS && !self.opens_next(goal);
+        useless.extend(keys.open.filter(|_| hopes));
+        useless
+    }
+
+    /// Whether the opening that follows a goal state is near.
+    fn opens_next(&self, goal: &Node) -> bool {
+        let due = self.due(goal);
+        due.is_some_and(|(number, steps)| {
+            !self.book.landmarks[number].closes && steps <= HELD_STEPS
+        })
+    }
+
+    /// A class was chosen on the way to a goal state.
+    pub(super) fn chosen(&mut self, class: usize, goal: &Node) {
+        let closing = self
+            .due(goal)
+            .filter(|(number, _)| self.book.landmarks[*number].closes);
+        let is_closing = Some(class) == self.keys.close && !self.is_closed;
+        self.closing = closing.filter(|_| is_closing).map(|(number, _)| number);
+    }
+
+    /// The arm to where it rests in a goal state: demonstrations drive with it there.
+    pub(super) fn rest(
+        &mut self,
+        goal: &Node,
+        is_blocked: impl Fn(usize) -> bool,
+    ) -> Option<usize> {
+        if self.led_steps >= MOST_LED_STEPS {
+            return None;
+        }
+        let there = self.shown.resting(&goal.trajectory, goal.step)?;
+        let class = self.posture_step(there, is_blocked)?;
+        self.led_steps += 1;
+        Some(class)
+    }
+
+    /// The next class on the way of the arm to another posture: up and back first, down last.
+    fn posture_step(&self, there: &Posture, is_blocked: impl Fn(usize) -> bool) -> Option<usize> {
+        let free = |class: usize| (!is_blocked(class)).then_some(class);
+        let tilt = there.tilt_rad() - self.posture.tilt_rad();
+        if let Some((class, step)) = self.keys.tilts[usize::from(tilt > 0.0)]
+            && tilt.abs() > NEAR_STEPS * step
+        {
+            return free(class);
+        }
+        let [x, y, z] = [0, 1, 2].map(|axis| {
+            let away = there.gripper_m()[axis] - self.posture.gripper_m()[axis];
+            let key = self.keys.axes[axis][usize::from(away > 0.0)];
+            key.filter(|(_, step)| away.abs() > ASIDE_STEPS * step)
+                .map(|(class, _)| (class, away))
+        });
+        let order = [
+            z.filter(|z| z.1 > 0.0),
+            x.filter(|x| x.1 < 0.0),
+            y,
+            x.filter(|x| x.1 > 0.0),
+            z.filter(|z| z.1 < 0.0),
+        ];
+        order
+            .into_iter()
+            .flatten()
+            .find_map(|(class, _)| free(class))
+    }
+
     /// The next action on the way to the event that follows a goal state; none where the robot is not to be led.
     /// `is_blocked` says whether a class had no effect here.
     pub(super) fn next(
@@ -164,7 +279,7 @@ impl Approach {
         let class = if landmark.closes {
             self.towards(landmark, &place, is_blocked)
         } else {
-            self.over(landmark, &place, is_blocked)
+            self.over(number, &place, is_blocked)
         }?;
         self.led_steps += 1;
         self.closings += usize::from(Some(class) == self.keys.close);
@@ -172,13 +287,14 @@ impl Approach {
     }
 
     /// The event that is still to come after a goal state, and how many steps after it: what is open closes next, what
-    /// is closed opens. An opening may also lie on the way to that state; what was not closed by then was missed.
+    /// is closed opens. It may also lie on the way to that state, or little before it: where the robot is believed to
+    /// be past an event that it did not do, the event is still to be done.
     fn due(&self, goal: &Node) -> Option<(usize, u32)> {
         let events = self.book.events.get(&goal.trajectory)?;
         let near = (events.iter()).skip_while(|(at, _)| at + GOAL_AHEAD_STEPS < goal.step);
         for (at, number) in near {
             let closes = self.book.landmarks[*number].closes;
-            if closes != self.is_closed && (!closes || *at >= goal.step) {
+            if closes != self.is_closed {
                 return Some((*number, at.saturating_sub(goal.step)));
             }
             if *at >= goal.step {
@@ -188,12 +304,16 @@ impl Approach {
         None
     }
 
-    /// The class that would let go what the plan still carries on: the opening that is due is many steps away, or its
-    /// place is.
+    /// The class that comes too early: the one that would let go what the plan still carries on, since the opening
+    /// that is due is many steps away, or its place is; or the one that would close the gripper beside a thing.
     pub(super) fn too_early(&self, goal: &Node) -> Option<usize> {
         let (number, steps) = self.due(goal)?;
-        if self.book.landmarks[number].closes {
-            return None;
+        let landmark = &self.book.landmarks[number];
+        if landmark.closes {
+            let is_seen = landmark.error_pixels <= LARGEST_ERROR_PIXELS;
+            let place = self.place(number).filter(|_| is_seen)?;
+            let from = Point3::from(self.posture.gripper_m()) - place;
+            return self.keys.close.filter(|_| from.norm() > CLOSE_FROM_M);
         }
         let is_far = self
             .place(number)
@@ -216,7 +336,7 @@ impl Approach {
         if !opens || is_unseen || self.led_steps >= MOST_LED_STEPS {
             return None;
         }
-        let class = self.over(landmark, &self.place(number)?, is_blocked)?;
+        let class = self.over(number, &self.place(number)?, is_blocked)?;
         self.led_steps += 1;
         Some(class)
     }
@@ -252,14 +372,24 @@ impl Approach {
     /// along which demonstrations do not move it to and fro before they open it, the place is wide, or the base aims.
     fn over(
         &self,
-        landmark: &Landmark,
+        number: usize,
         place: &Point3<f32>,
         is_blocked: impl Fn(usize) -> bool,
     ) -> Option<usize> {
+        let landmark = &self.book.landmarks[number];
         let free = |class: usize| (!is_blocked(class)).then_some(class);
         let gripper = Point3::from(self.posture.gripper_m());
         if self.beside_m(place) > FAR_FROM_M {
             return None;
+        }
+        if let Some(height_m) = self.shown.height_m(number) {
+            let low = height_m - gripper.z;
+            if let Some((class, step)) = self.keys.axes[2][usize::from(low > 0.0)]
+                && (low > NEAR_STEPS * step || low < -WIDE_STEPS * step)
+                && let Some(class) = free(class)
+            {
+                return Some(class);
+            }
         }
         let [least, most] = landmark.reach_m[0];
         let beyond = REACH_M + self.wide_m(landmark, 0);
@@ -271,6 +401,11 @@ impl Approach {
         }
         let [least, most] = landmark.reach_m[1];
         let aside = place.y.clamp(least - BESIDE_M, most + BESIDE_M);
+        if aside != place.y
+            && let Some(class) = self.keys.turns[usize::from(place.y > most)].and_then(free)
+        {
+            return Some(class);
+        }
         for (axis, off) in [(1, gripper.y - aside), (0, gripper.x - place.x)] {
             let (class, step) = self.keys.axes[axis][usize::from(off < 0.0)]?;
             if off.abs() > self.wide_m(landmark, axis).max(NEAR_STEPS * step) {
@@ -306,6 +441,15 @@ impl Approach {
                 return free(class);
             }
         }
+        if !is_within(1) && from.norm() < FAR_FROM_M {
+            let has_room = -from.x > landmark.clearance_m;
+            let back = self.keys.drives[0]
+                .filter(|_| !has_room)
+                .and_then(|(class, _)| free(class));
+            let most = landmark.reach_m[1][1];
+            let turn = self.keys.turns[usize::from(place.y > most)].and_then(free);
+            return back.or(turn);
+        }
         if !is_within(0) || !is_within(1) || from.norm() > LED_FROM_M {
             return None;
         }
@@ -327,13 +471,17 @@ impl Approach {
             .map(|positive| self.keys.axes[main][usize::from(positive)]);
         if off.abs() > NEAR_STEPS * step {
             let is_too_near = ahead < landmark.clearance_m - 0.5 * step;
-            if off.abs() > ASIDE_STEPS * step
+            let is_low = approach.z < -0.5 && is_too_near;
+            let most = if is_low { 1.0 } else { ASIDE_STEPS };
+            if off.abs() > most * step
                 && is_too_near
                 && let Some(back) = back.and_then(|(class, _)| free(class))
             {
                 return Some(back);
             }
-            return free(class);
+            if !is_low {
+                return free(class);
+            }
         }
         let event = self.keys.close.and_then(free);
         let (onward_class, step) = onward?;

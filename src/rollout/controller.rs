@@ -289,17 +289,22 @@ impl<'a> Controller<'a> {
             return Ok((distribution, classes));
         }
         let reflex = &self.run.reflex;
-        if let Some(approach) = &mut self.approach
-            && let Some(class) = approach.next(self.planner.graph().node(goal.node), |class| {
-                reflex.is_ruled_out(class)
-            })
-        {
-            return Ok((distribution, vec![class]));
+        let node = self.planner.graph().node(goal.node);
+        if let Some(approach) = &mut self.approach {
+            let is_ruled_out = |class| reflex.is_ruled_out(class);
+            let led = (approach.depart(is_ruled_out))
+                .or_else(|| approach.next(node, is_ruled_out))
+                .or_else(|| approach.rest(node, is_ruled_out));
+            if let Some(class) = led {
+                approach.chosen(class, node);
+                return Ok((distribution, vec![class]));
+            }
         }
         let is_stuck = self.run.step - self.run.progress_step >= self.options.doubt_steps;
-        let node = self.planner.graph().node(goal.node);
         let too_early = self.approach.as_ref().and_then(|a| a.too_early(node));
-        let open_to = too_early.map_or_else(|| distribution.clone(), |c| distribution.without(c));
+        let useless = (self.approach.as_ref()).map_or_else(Vec::new, |a| a.useless(node, is_stuck));
+        let out = useless.into_iter().chain(too_early);
+        let open_to = out.fold(distribution.clone(), |d, class| d.without(class));
         let mut classes = if is_stuck {
             self.run.reflex.draw(&open_to, &mut self.run.rng)
         } else {
@@ -312,6 +317,7 @@ impl<'a> Controller<'a> {
             if let Some(class) = approach.instead_of(classes[0], node, is_ruled_out) {
                 classes = vec![class];
             }
+            approach.chosen(classes[0], node);
         }
         Ok((distribution, classes))
     }

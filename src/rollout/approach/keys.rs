@@ -12,6 +12,8 @@ pub(super) struct Keys {
     pub(super) tilts: [Option<(usize, f32)>; 2],
     /// The base back, the base ahead.
     pub(super) drives: [Option<(usize, f32)>; 2],
+    /// The base to the right, the base to the left.
+    pub(super) turns: [Option<usize>; 2],
     pub(super) close: Option<usize>,
     pub(super) open: Option<usize>,
 }
@@ -26,6 +28,7 @@ impl Keys {
             axes: [[None; 2]; 3],
             tilts: [None; 2],
             drives: [None; 2],
+            turns: [None; 2],
             close: None,
             open: None,
         };
@@ -39,6 +42,9 @@ impl Keys {
             if moved.drive_m != 0.0 && moved.turn_rad == 0.0 {
                 let ahead = usize::from(moved.drive_m > 0.0);
                 keys.drives[ahead] = Some((class, moved.drive_m.abs()));
+            }
+            if moved.turn_rad != 0.0 && moved.drive_m == 0.0 {
+                keys.turns[usize::from(moved.turn_rad > 0.0)] = Some(class);
             }
             if moved.drive_m != 0.0 || moved.turn_rad != 0.0 {
                 continue;
@@ -54,5 +60,14 @@ impl Keys {
             }
         }
         Some(keys)
+    }
+
+    /// Whether a class moves the arm or the gripper.
+    pub(super) fn is_of_arm(&self, class: usize) -> bool {
+        let axes = self.axes.iter().chain([&self.tilts]).flatten().flatten();
+        axes.map(|(class, _)| *class)
+            .chain(self.close)
+            .chain(self.open)
+            .any(|c| c == class)
     }
 }

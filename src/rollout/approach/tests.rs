@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use super::*;
 use crate::model::LandmarkView;
 use crate::trajectory::RobotGeometry;
@@ -52,6 +54,7 @@ fn approach(landmark: Landmark) -> Approach {
         views: vec![view(0), view(3)],
         landmarks: vec![landmark],
         events: [("shown".to_owned(), vec![(12, 0)])].into(),
+        actions: BTreeMap::new(),
     };
     let space = ActionSpace::Primitives {
         names: NAMES.map(String::from).to_vec(),
@@ -232,11 +235,144 @@ fn the_robot_is_not_led_from_afar_nor_where_nothing_is_seen() {
         approach.next(&goal(1), |_| false).is_none(),
         "11 steps away"
     );
-    assert!(approach.next(&goal(13), |_| false).is_none(), "over");
+    assert!(approach.next(&goal(19), |_| false).is_none(), "over");
     assert!(approach.next(&goal(6), |_| false).is_some());
     approach.reset();
     approach.look(&[0.0; 6]);
     assert!(approach.next(&goal(6), |_| false).is_none());
     approach.look(&latent(&approach, &Point3::new(0.9, 0.0, 0.3)));
     assert!(approach.next(&goal(6), |_| false).is_none(), "out of reach");
+}
+
+/// An approach whose one demonstration does this.
+fn shown(actions: &[&str], events: Vec<(u32, usize)>, landmarks: Vec<Landmark>) -> Approach {
+    let mut made = approach(landmarks[0].clone());
+    let book = LandmarkBook {
+        landmarks,
+        events: [("shown".to_owned(), events)].into(),
+        actions: [(
+            "shown".to_owned(),
+            actions.iter().map(|n| class(n)).collect(),
+        )]
+        .into(),
+        ..(*made.book).clone()
+    };
+    let space = ActionSpace::Primitives {
+        names: NAMES.map(String::from).to_vec(),
+    };
+    made = Approach::new(&Arc::new(book), &[camera("head"), camera("wrist")], &space).unwrap();
+    made
+}
+
+#[test]
+fn after_a_closing_the_robot_does_what_demonstrations_do_then() {
+    let actions = [
+        "gripper_close",
+        "end_effector_up",
+        "base_backward",
+        "gripper_open",
+    ];
+    let mut approach = shown(
+        &actions,
+        vec![(0, 0)],
+        vec![landmark(true, [1.0, 0.0, 0.0])],
+    );
+    let close = class("gripper_close");
+    assert_eq!(approach.depart(|_| false), None, "nothing was closed");
+    approach.chosen(close, &goal(0));
+    approach.note(close);
+    assert!(
+        approach
+            .useless(&goal(0), false)
+            .contains(&class("gripper_open"))
+    );
+    assert_eq!(approach.depart(|_| false), Some(class("end_effector_up")));
+    assert_eq!(approach.depart(|_| false), Some(class("base_backward")));
+    assert_eq!(
+        approach.depart(|_| false),
+        None,
+        "the gripper is not opened blindly"
+    );
+    for _ in 0..=HOPE_STEPS {
+        approach.look(&[0.0; 6]);
+    }
+    assert!(
+        !approach
+            .useless(&goal(0), false)
+            .contains(&class("gripper_open"))
+    );
+    approach.note(class("gripper_open"));
+    approach.chosen(close, &goal(0));
+    approach.note(close);
+    assert_eq!(approach.depart(|_| true), None, "blocked");
+    assert_eq!(
+        approach.depart(|_| false),
+        None,
+        "what was blocked is not gone on with"
+    );
+}
+
+#[test]
+fn the_arm_rests_where_demonstrations_only_drive() {
+    let drive = ["base_forward"; 8];
+    let actions = [&["end_effector_up"][..], &drive, &["gripper_close"]].concat();
+    let mut approach = shown(
+        &actions,
+        vec![(9, 0)],
+        vec![landmark(true, [1.0, 0.0, 0.0])],
+    );
+    approach.note(class("end_effector_forward"));
+    approach.note(class("end_effector_forward"));
+    assert_eq!(
+        approach.rest(&goal(1), |_| false),
+        None,
+        "the arm was just moved"
+    );
+    let mut done = Vec::new();
+    while let Some(next) = approach.rest(&goal(5), |_| false) {
+        done.push(NAMES[next]);
+        approach.note(next);
+    }
+    assert_eq!(done, ["end_effector_backward"], "to within a step");
+    assert!(
+        approach
+            .useless(&goal(5), false)
+            .contains(&class("end_effector_up"))
+    );
+    assert!(
+        !approach
+            .useless(&goal(5), true)
+            .contains(&class("end_effector_up"))
+    );
+}
+
+#[test]
+fn the_gripper_is_not_closed_beside_a_thing_that_is_seen() {
+    let mut approach = approach(landmark(true, [1.0, 0.0, 0.0]));
+    approach.look(&latent(&approach, &Point3::new(0.54, 0.05, 0.3)));
+    let close = class("gripper_close");
+    assert_eq!(approach.too_early(&goal(8)), Some(close));
+    for name in ["end_effector_forward"; 6] {
+        approach.note(class(name));
+    }
+    approach.note(class("end_effector_left"));
+    approach.note(class("end_effector_down"));
+    approach.note(class("end_effector_down"));
+    assert_eq!(approach.too_early(&goal(8)), None);
+}
+
+#[test]
+fn a_gripper_that_is_low_rises_before_it_goes_over_its_place() {
+    let actions = ["gripper_close", "end_effector_up", "gripper_open"];
+    let mut approach = shown(
+        &actions,
+        vec![(2, 0)],
+        vec![landmark(false, [1.0, 0.0, 0.0])],
+    );
+    approach.note(class("gripper_close"));
+    approach.look(&latent(&approach, &Point3::new(0.45, 0.3, 0.3)));
+    approach.look(&latent(&approach, &Point3::new(0.42, 0.2, 0.3)));
+    approach.note(class("end_effector_down"));
+    let next = approach.next(&goal(1), |_| false);
+    assert_eq!(next, Some(class("end_effector_up")));
 }

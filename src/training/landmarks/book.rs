@@ -7,7 +7,7 @@ use crate::model::{LANDMARK_VALUES, Landmark, LandmarkBook, LandmarkView};
 use crate::task::GripperEvent;
 use crate::training::motion_to_go::motion_axes;
 use crate::training::patches::PatchGrid;
-use crate::training::{Dataset, TrainingConfig};
+use crate::training::{Dataset, StateRef, TrainingConfig};
 use crate::trajectory::Posture;
 
 /// Steps before an event over which the gripper's last way is told.
@@ -44,7 +44,7 @@ impl Landmarks {
         let ways: Vec<Vec<Posture>> = all.clone().map(|t| postures(data, t, robot)).collect();
         let used: usize = numbers.iter().map(|(_, most)| most).sum();
         let mut shown: Vec<Vec<Event<'_>>> = (0..used).map(|_| Vec::new()).collect();
-        let mut events = BTreeMap::new();
+        let (mut events, mut actions) = (BTreeMap::new(), BTreeMap::new());
         for trajectory in all {
             let (first, most) = numbers[data.set_of(trajectory)];
             let postures = &ways[trajectory as usize];
@@ -59,6 +59,9 @@ impl Landmarks {
                     closes,
                 });
             }
+            let steps = 0..data.steps(trajectory) as u32;
+            let classes = steps.map(|step| data.classes(StateRef { trajectory, step })[0]);
+            actions.insert(data.id_of(trajectory).to_owned(), classes.collect());
             events.insert(data.id_of(trajectory).to_owned(), of_demonstration);
         }
         let found = (shown.iter().zip(errors))
@@ -80,6 +83,7 @@ impl Landmarks {
             views: grids.iter().enumerate().map(view).collect(),
             landmarks: found,
             events,
+            actions,
         })
     }
 }
