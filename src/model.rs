@@ -18,6 +18,7 @@ pub use baseline::{
 };
 pub use encoder::Encoder;
 pub use error::ModelError;
+pub(crate) use landmark_book::median;
 pub use landmark_book::{
     HIDDEN_M, LANDMARK_VALUES, Landmark, LandmarkBook, LandmarkSight, LandmarkView,
 };

@@ -76,6 +76,15 @@ pub const LANDMARK_VALUES: usize = 3;
 /// neither learnt nor believed.
 pub const HIDDEN_M: f32 = 0.15;
 
+/// The middle one of some values, the upper one of two.
+pub(crate) fn median(mut values: Vec<f32>) -> Option<f32> {
+    if values.is_empty() {
+        return None;
+    }
+    let middle = values.len() / 2;
+    Some(*values.select_nth_unstable_by(middle, f32::total_cmp).1)
+}
+
 impl LandmarkView {
     /// What a latent holds of a landmark.
     ///

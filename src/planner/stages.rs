@@ -54,7 +54,6 @@ pub(super) struct StageView<'a> {
 pub(super) struct Stages {
     pub(super) now: usize,
     votes: Votes,
-    unfit_votes: u32,
     /// For each stage, the largest probability it had behind its subgoal since the current stage began.
     peaks: Vec<f64>,
     /// What speaks for a shortcut, added up.
@@ -67,6 +66,8 @@ pub(super) struct Stages {
 struct Votes {
     ahead: u32,
     behind: u32,
+    /// Ahead while what is seen fits badly.
+    unfit: u32,
 }
 
 impl Stages {
@@ -74,7 +75,6 @@ impl Stages {
         Self {
             now: 0,
             votes: Votes::default(),
-            unfit_votes: 0,
             peaks: vec![0.0; count],
             suspicion: 0.0,
             reported: [None; 2],
@@ -84,7 +84,6 @@ impl Stages {
     pub(super) fn set(&mut self, stage: usize) {
         self.now = stage;
         self.votes = Votes::default();
-        self.unfit_votes = 0;
         self.peaks.fill(0.0);
         self.suspicion = 0.0;
         self.reported = [None; 2];
@@ -96,7 +95,7 @@ impl Stages {
         options: &FilterOptions,
         view: &StageView<'_>,
     ) -> Option<StageChange> {
-        self.unfit_votes = 0;
+        self.votes.unfit = 0;
         for (peak, p) in self.peaks.iter_mut().zip(view.reached) {
             *peak = peak.max(*p);
         }
@@ -139,14 +138,14 @@ impl Stages {
     ) -> Option<StageChange> {
         let to = self.now + 1;
         let reached = view.reached.get(to).copied().unwrap_or(0.0);
-        self.unfit_votes = if reached >= CERTAIN {
-            self.unfit_votes + 1
+        self.votes.unfit = if reached >= CERTAIN {
+            self.votes.unfit + 1
         } else {
             0
         };
         let enough = options
             .advance_votes_unfit
-            .is_some_and(|votes| self.unfit_votes >= votes.max(1));
+            .is_some_and(|votes| self.votes.unfit >= votes.max(1));
         if !enough {
             return None;
         }

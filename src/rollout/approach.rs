@@ -1,17 +1,18 @@
 mod demonstrated;
 mod keys;
+mod ways;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 
 use demonstrated::Demonstrated;
 use keys::Keys;
 
 use super::place::{Sighting, place_of};
 use crate::graph::Node;
-use crate::model::{HIDDEN_M, Landmark, LandmarkBook};
+use crate::model::{HIDDEN_M, LandmarkBook};
 use crate::trajectory::{ActionSpace, CameraSpec, Lens, Posture};
 
 /// Brings the gripper to the place of its next event, where the encoder sees that place: the last steps of a way,
@@ -61,28 +62,14 @@ const GOAL_AHEAD_STEPS: u32 = 6;
 const HELD_STEPS: u32 = 12;
 /// Farthest from the place that the robot is led, in metres.
 const LED_FROM_M: f32 = 0.3;
-/// How much farther out than in any demonstration a place may be reached for, in metres.
-const REACH_M: f32 = 0.06;
-/// How much farther to the side a place may be at which the gripper is to open, in metres.
-const BESIDE_M: f32 = 0.15;
 /// Steps after a closing in which it is hoped that something is held.
 const HOPE_STEPS: u32 = 10;
 /// Farthest from its place that the gripper is closed, in metres.
 const CLOSE_FROM_M: f32 = 0.07;
-/// Farthest that the base is driven up to a place out of reach, in metres.
-const FAR_FROM_M: f32 = 0.4;
 /// Most closings of a stage to which the robot is led.
 const MOST_CLOSINGS: usize = 6;
 /// Most steps that a stage is led.
 const MOST_LED_STEPS: usize = 120;
-/// Steps to and fro from which on demonstrations aim along an axis; where they do not, the gripper may be as far off.
-const WIDE_STEPS: f32 = 2.5;
-/// Share of a primitive's step that the gripper may be off.
-const NEAR_STEPS: f32 = 0.6;
-/// Steps to one side from which the gripper goes back to come into line.
-const ASIDE_STEPS: f32 = 1.2;
-/// Steps short of the place from which an event is as good as there, where the way is blocked.
-const TOUCHING_STEPS: f32 = 1.6;
 
 impl Approach {
     /// None where a model has no landmarks, or actions are no primitives.
@@ -233,34 +220,6 @@ impl Approach {
         Some(class)
     }
 
-    /// The next class on the way of the arm to another posture: up and back first, down last.
-    fn posture_step(&self, there: &Posture, is_blocked: impl Fn(usize) -> bool) -> Option<usize> {
-        let free = |class: usize| (!is_blocked(class)).then_some(class);
-        let tilt = there.tilt_rad() - self.posture.tilt_rad();
-        if let Some((class, step)) = self.keys.tilts[usize::from(tilt > 0.0)]
-            && tilt.abs() > NEAR_STEPS * step
-        {
-            return free(class);
-        }
-        let [x, y, z] = [0, 1, 2].map(|axis| {
-            let away = there.gripper_m()[axis] - self.posture.gripper_m()[axis];
-            let key = self.keys.axes[axis][usize::from(away > 0.0)];
-            key.filter(|(_, step)| away.abs() > ASIDE_STEPS * step)
-                .map(|(class, _)| (class, away))
-        });
-        let order = [
-            z.filter(|z| z.1 > 0.0),
-            x.filter(|x| x.1 < 0.0),
-            y,
-            x.filter(|x| x.1 > 0.0),
-            z.filter(|z| z.1 < 0.0),
-        ];
-        order
-            .into_iter()
-            .flatten()
-            .find_map(|(class, _)| free(class))
-    }
-
     /// The next action on the way to the event that follows a goal state; none where the robot is not to be led.
     /// `is_blocked` says whether a class had no effect here.
     pub(super) fn next(
@@ -271,11 +230,10 @@ impl Approach {
         let (number, steps) = self.due(goal)?;
         let landmark = &self.book.landmarks[number];
         let is_worn_out = self.led_steps >= MOST_LED_STEPS || self.closings >= MOST_CLOSINGS;
-        let is_unseen = landmark.error_pixels > LARGEST_ERROR_PIXELS;
-        if steps > LED_FROM_STEPS || is_worn_out || is_unseen {
+        if steps > LED_FROM_STEPS || is_worn_out {
             return None;
         }
-        let place = self.place(number)?;
+        let place = self.sure_place(number)?;
         let class = if landmark.closes {
             self.towards(landmark, &place, is_blocked)
         } else {
@@ -308,11 +266,8 @@ impl Approach {
     /// that is due is many steps away, or its place is; or the one that would close the gripper beside a thing.
     pub(super) fn too_early(&self, goal: &Node) -> Option<usize> {
         let (number, steps) = self.due(goal)?;
-        let landmark = &self.book.landmarks[number];
-        if landmark.closes {
-            let is_seen = landmark.error_pixels <= LARGEST_ERROR_PIXELS;
-            let place = self.place(number).filter(|_| is_seen)?;
-            let from = Point3::from(self.posture.gripper_m()) - place;
+        if self.book.landmarks[number].closes {
+            let from = Point3::from(self.posture.gripper_m()) - self.sure_place(number)?;
             return self.keys.close.filter(|_| from.norm() > CLOSE_FROM_M);
         }
         let is_far = self
@@ -330,15 +285,19 @@ impl Approach {
         is_blocked: impl Fn(usize) -> bool,
     ) -> Option<usize> {
         let (number, _) = self.due(goal)?;
-        let landmark = &self.book.landmarks[number];
-        let opens = Some(class) == self.keys.open && !landmark.closes;
-        let is_unseen = landmark.error_pixels > LARGEST_ERROR_PIXELS;
-        if !opens || is_unseen || self.led_steps >= MOST_LED_STEPS {
+        let opens = Some(class) == self.keys.open && !self.book.landmarks[number].closes;
+        if !opens || self.led_steps >= MOST_LED_STEPS {
             return None;
         }
-        let class = self.over(number, &self.place(number)?, is_blocked)?;
+        let class = self.over(number, &self.sure_place(number)?, is_blocked)?;
         self.led_steps += 1;
         Some(class)
+    }
+
+    /// Where a landmark is that the encoder sees well enough to go there.
+    fn sure_place(&self, number: usize) -> Option<Point3<f32>> {
+        let is_seen = self.book.landmarks[number].error_pixels <= LARGEST_ERROR_PIXELS;
+        self.place(number).filter(|_| is_seen)
     }
 
     /// Where a landmark is, in the base's frame.
@@ -366,133 +325,6 @@ impl Approach {
     fn beside_m(&self, place: &Point3<f32>) -> f32 {
         let from = Point3::from(self.posture.gripper_m()) - place;
         from.xy().norm()
-    }
-
-    /// The gripper over a place at which it is to open: first to the side, then ahead, and then it opens. Along an axis
-    /// along which demonstrations do not move it to and fro before they open it, the place is wide, or the base aims.
-    fn over(
-        &self,
-        number: usize,
-        place: &Point3<f32>,
-        is_blocked: impl Fn(usize) -> bool,
-    ) -> Option<usize> {
-        let landmark = &self.book.landmarks[number];
-        let free = |class: usize| (!is_blocked(class)).then_some(class);
-        let gripper = Point3::from(self.posture.gripper_m());
-        if self.beside_m(place) > FAR_FROM_M {
-            return None;
-        }
-        if let Some(height_m) = self.shown.height_m(number) {
-            let low = height_m - gripper.z;
-            if let Some((class, step)) = self.keys.axes[2][usize::from(low > 0.0)]
-                && (low > NEAR_STEPS * step || low < -WIDE_STEPS * step)
-                && let Some(class) = free(class)
-            {
-                return Some(class);
-            }
-        }
-        let [least, most] = landmark.reach_m[0];
-        let beyond = REACH_M + self.wide_m(landmark, 0);
-        let reach = least - beyond..=most + beyond;
-        if !reach.contains(&place.x) {
-            let (class, drive_m) = self.keys.drives[usize::from(place.x > most)]?;
-            let driven = place.x - drive_m * (place.x - most).signum();
-            return free(class).filter(|_| reach.contains(&driven));
-        }
-        let [least, most] = landmark.reach_m[1];
-        let aside = place.y.clamp(least - BESIDE_M, most + BESIDE_M);
-        if aside != place.y
-            && let Some(class) = self.keys.turns[usize::from(place.y > most)].and_then(free)
-        {
-            return Some(class);
-        }
-        for (axis, off) in [(1, gripper.y - aside), (0, gripper.x - place.x)] {
-            let (class, step) = self.keys.axes[axis][usize::from(off < 0.0)]?;
-            if off.abs() > self.wide_m(landmark, axis).max(NEAR_STEPS * step) {
-                return free(class);
-            }
-        }
-        self.keys.open.filter(|_| aside == place.y).and_then(free)
-    }
-
-    /// How far to one side of a place along an axis the gripper may open, where demonstrations do not aim along it.
-    fn wide_m(&self, landmark: &Landmark, axis: usize) -> f32 {
-        let [least, most] = landmark.reach_m[axis];
-        let wide = self.keys.axes[axis][1].map_or(0.0, |(_, step)| WIDE_STEPS * step);
-        if most - least > wide { 0.0 } else { wide }
-    }
-
-    fn towards(
-        &self,
-        landmark: &Landmark,
-        place: &Point3<f32>,
-        is_blocked: impl Fn(usize) -> bool,
-    ) -> Option<usize> {
-        let is_within = |axis: usize| {
-            let [least, most] = landmark.reach_m[axis];
-            (least - REACH_M..=most + REACH_M).contains(&place[axis])
-        };
-        let free = |class: usize| (!is_blocked(class)).then_some(class);
-        let from = Point3::from(self.posture.gripper_m()) - place;
-        if let Some((class, drive_m)) = self.keys.drives[1] {
-            let [least, most] = landmark.reach_m[0];
-            let is_far = place.x > most + REACH_M && from.norm() < FAR_FROM_M;
-            if is_far && place.x - drive_m > least - REACH_M {
-                return free(class);
-            }
-        }
-        if !is_within(1) && from.norm() < FAR_FROM_M {
-            let has_room = -from.x > landmark.clearance_m;
-            let back = self.keys.drives[0]
-                .filter(|_| !has_room)
-                .and_then(|(class, _)| free(class));
-            let most = landmark.reach_m[1][1];
-            let turn = self.keys.turns[usize::from(place.y > most)].and_then(free);
-            return back.or(turn);
-        }
-        if !is_within(0) || !is_within(1) || from.norm() > LED_FROM_M {
-            return None;
-        }
-        let tilt = landmark.tilt_rad - self.posture.tilt_rad();
-        if let Some((class, step)) = self.keys.tilts[usize::from(tilt > 0.0)]
-            && tilt.abs() > NEAR_STEPS * step
-        {
-            return free(class);
-        }
-        let approach = Vector3::from(landmark.approach);
-        let ahead = -from.dot(&approach);
-        let aside = from + approach * ahead;
-        let (axis, off) = (0..3)
-            .map(|axis| (axis, aside[axis]))
-            .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
-        let (class, step) = self.keys.axes[axis][usize::from(off < 0.0)]?;
-        let main = approach.iamax();
-        let [onward, back] = [approach[main] > 0.0, approach[main] < 0.0]
-            .map(|positive| self.keys.axes[main][usize::from(positive)]);
-        if off.abs() > NEAR_STEPS * step {
-            let is_too_near = ahead < landmark.clearance_m - 0.5 * step;
-            let is_low = approach.z < -0.5 && is_too_near;
-            let most = if is_low { 1.0 } else { ASIDE_STEPS };
-            if off.abs() > most * step
-                && is_too_near
-                && let Some(back) = back.and_then(|(class, _)| free(class))
-            {
-                return Some(back);
-            }
-            if !is_low {
-                return free(class);
-            }
-        }
-        let event = self.keys.close.and_then(free);
-        let (onward_class, step) = onward?;
-        if ahead > NEAR_STEPS * step {
-            let touched = event.filter(|_| ahead <= TOUCHING_STEPS * step);
-            return free(onward_class).or(touched);
-        }
-        if ahead < -ASIDE_STEPS * step {
-            return back.and_then(|(class, _)| free(class));
-        }
-        event
     }
 }
 

@@ -11,14 +11,12 @@ use std::collections::HashMap;
 
 use serde::{Deserialize, Serialize};
 
-use book::median;
-
 use super::augmentation::Variation;
 use super::config::demand;
 use super::network::PLACE_GAIN;
 use super::patches::PatchGrid;
 use super::{Dataset, EncoderConfig, ImitationConfig, StateRef, TrainingConfig, TrainingError};
-use crate::model::{HIDDEN_M, LANDMARK_VALUES};
+use crate::model::{HIDDEN_M, LANDMARK_VALUES, median};
 use crate::task::{GripperEvent, GripperSignal};
 use crate::trajectory::{ActionSpace, Posture, RobotGeometry};
 
@@ -231,7 +229,7 @@ impl Landmarks {
         let errors: Vec<f32> = (self.errors(states, told, grids, usize::MAX).into_iter())
             .flatten()
             .collect();
-        (!errors.is_empty()).then(|| f64::from(median(errors)))
+        median(errors).map(f64::from)
     }
 
     /// The median of these distances for each landmark, of states at most ten steps before its event; the largest
@@ -244,13 +242,7 @@ impl Landmarks {
         grids: &[PatchGrid],
     ) -> Vec<f32> {
         let errors = self.errors(states, told, grids, BEFORE_EVENT_STEPS);
-        let of_landmark = |errors: Vec<f32>| {
-            if errors.is_empty() {
-                f32::MAX
-            } else {
-                median(errors)
-            }
-        };
+        let of_landmark = |errors| median(errors).unwrap_or(f32::MAX);
         errors.into_iter().map(of_landmark).collect()
     }
 
@@ -327,14 +319,8 @@ fn postures(data: &Dataset, trajectory: u32, robot: &RobotGeometry) -> Vec<Postu
         ActionSpace::Primitives { names } => names,
         _ => &[],
     };
-    let mut posture = robot.at_start();
-    let mut postures = Vec::new();
-    for step in 0..data.steps(trajectory) as u32 {
-        postures.push(posture);
-        let action = data.classes(StateRef { trajectory, step })[0];
-        posture = robot.after(&posture, &names[action]);
-    }
-    postures
+    let steps = 0..data.steps(trajectory) as u32;
+    robot.before_each(steps.map(|step| &*names[data.classes(StateRef { trajectory, step })[0]]))
 }
 
 /// What each state of a demonstration shows of the places of events that are still to come.

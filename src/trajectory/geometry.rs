@@ -114,6 +114,17 @@ impl RobotGeometry {
         next
     }
 
+    /// Where it is before each of some primitives that follow each other from the beginning and that nothing blocks.
+    #[must_use]
+    pub fn before_each<'a>(&self, primitives: impl Iterator<Item = &'a str>) -> Vec<Posture> {
+        let mut posture = self.at_start();
+        let before = |primitive| {
+            let next = self.after(&posture, primitive);
+            std::mem::replace(&mut posture, next)
+        };
+        primitives.map(before).collect()
+    }
+
     /// Where a camera is in a posture; none where it is unknown.
     #[must_use]
     pub fn lens(&self, posture: &Posture, camera: &CameraSpec) -> Option<Lens> {

@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 
 use super::keys::Keys;
-use crate::model::LandmarkBook;
+use crate::model::{LandmarkBook, median};
 use crate::trajectory::Posture;
 
 /// What demonstrations do with the arm, by their actions.
@@ -64,17 +64,20 @@ impl Demonstrated {
 }
 
 fn arms(book: &LandmarkBook, keys: &Keys, actions: &[usize]) -> Vec<(Posture, bool)> {
-    let mut posture = book.robot.at_start();
     let moves: Vec<bool> = actions.iter().map(|class| keys.is_of_arm(*class)).collect();
-    let mut arms = Vec::new();
-    for (step, class) in actions.iter().enumerate() {
+    let rests = (0..actions.len()).map(|step| {
         let near = step.saturating_sub(REST_STEPS)..(step + REST_STEPS + 1).min(actions.len());
-        arms.push((posture, !moves[near].contains(&true)));
-        if let Some(name) = keys.names.get(*class) {
-            posture = book.robot.after(&posture, name);
-        }
-    }
-    arms
+        !moves[near].contains(&true)
+    });
+    // A class without a name moves nothing.
+    let names = actions
+        .iter()
+        .map(|class| keys.names.get(*class).map_or("", |name| name));
+    book.robot
+        .before_each(names)
+        .into_iter()
+        .zip(rests)
+        .collect()
 }
 
 fn departure(book: &LandmarkBook, keys: &Keys, events: &[(&str, usize)]) -> Vec<usize> {
@@ -100,12 +103,4 @@ fn departure(book: &LandmarkBook, keys: &Keys, events: &[(&str, usize)]) -> Vec<
         departure.push(class);
     }
     departure
-}
-
-fn median(mut values: Vec<f32>) -> Option<f32> {
-    if values.is_empty() {
-        return None;
-    }
-    let middle = values.len() / 2;
-    Some(*values.select_nth_unstable_by(middle, f32::total_cmp).1)
 }

@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::model::LandmarkView;
+use crate::model::{Landmark, LandmarkView};
 use crate::trajectory::RobotGeometry;
 
 const NAMES: [&str; 11] = [

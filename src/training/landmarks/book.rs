@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{LandmarkConfig, Landmarks, landmark_count, numbers, pixel_of, postures};
-use crate::model::{LANDMARK_VALUES, Landmark, LandmarkBook, LandmarkView};
+use crate::model::{LANDMARK_VALUES, Landmark, LandmarkBook, LandmarkView, median};
 use crate::task::GripperEvent;
 use crate::training::motion_to_go::motion_axes;
 use crate::training::patches::PatchGrid;
@@ -132,27 +132,21 @@ fn landmark(config: &LandmarkConfig, events: &[Event<'_>], error_pixels: f32) ->
     let (least, most) = CLEARANCE_M;
     Landmark {
         closes,
-        height_m: median(heights.clone()),
+        height_m: median(heights.clone()).unwrap_or(0.0),
         height_spread_m: spread(&heights),
         tilt_rad: median(
             (events.iter())
                 .map(|e| e.postures[e.step].tilt_rad())
                 .collect(),
-        ),
+        )
+        .unwrap_or(0.0),
         approach,
-        clearance_m: median(events.iter().map(clearance).collect()).clamp(least, most),
+        clearance_m: median(events.iter().map(clearance).collect())
+            .unwrap_or(0.0)
+            .clamp(least, most),
         reach_m: [reach(0), reach(1)],
         error_pixels,
     }
-}
-
-/// The middle value; 0 of none.
-pub(super) fn median(mut values: Vec<f32>) -> f32 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 fn spread(values: &[f32]) -> f32 {
