@@ -58,6 +58,8 @@ pub struct StageEvidence {
 
 /// From here on a latent is as familiar as need be.
 const FAMILIAR: f64 = 0.1;
+/// The same where something else speaks for a class, too.
+const BARELY_FAMILIAR: f64 = 0.02;
 
 impl StageClassifier {
     /// Learns from all states of a graph, or an even choice of them where there are many. The same graph
@@ -241,7 +243,21 @@ impl StageEvidence {
     /// If there is no such class.
     #[must_use]
     pub fn support(&self, class: usize) -> f64 {
-        self.probabilities[class] * (self.familiarity[class] / FAMILIAR).min(1.0)
+        self.support_from(class, FAMILIAR)
+    }
+
+    /// The same where a latent may be less like what is known of the class, for use where something else
+    /// speaks for it, too.
+    ///
+    /// # Panics
+    /// If there is no such class.
+    #[must_use]
+    pub fn lenient_support(&self, class: usize) -> f64 {
+        self.support_from(class, BARELY_FAMILIAR)
+    }
+
+    fn support_from(&self, class: usize, familiar: f64) -> f64 {
+        self.probabilities[class] * (self.familiarity[class] / familiar).min(1.0)
     }
 }
 
@@ -343,6 +359,7 @@ mod tests {
         assert!(within.support(far_half) > 0.5, "{within:?}");
         assert!(beyond.probabilities()[far_half] > 0.9, "{beyond:?}");
         assert_eq!(beyond.support(far_half), 0.0);
+        assert!(within.lenient_support(far_half) >= within.support(far_half));
     }
 
     #[test]

@@ -163,6 +163,11 @@ impl Layout {
         place.occurrence > 0 && self.offsets.get(place.occurrence) == Some(&place.stage)
     }
 
+    /// The stages at which a later task starts.
+    pub(super) fn starts_of_tasks(&self) -> &[usize] {
+        self.offsets.get(1..).unwrap_or_default()
+    }
+
     /// All places; a [`PlaceId`] is an index into them.
     #[must_use]
     pub fn places(&self) -> &[Place] {

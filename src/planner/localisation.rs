@@ -83,7 +83,7 @@ impl StageFilter {
         let is_exact = layout.places().len() <= options.exact_places;
         let motion = Motion::new(&layout, &groups, &options, is_exact);
         let belief = Belief::new(&groups, layout.places().len());
-        let stages = Stages::new(layout.stage_count());
+        let stages = Stages::new(layout.stage_count(), layout.starts_of_tasks());
         let mut filter = Self {
             layout,
             options,
@@ -135,7 +135,7 @@ impl StageFilter {
         let stage = most_probable(stage_probabilities);
         self.placing_steps -= 1;
         if stage_probabilities[stage] >= PLACED || self.placing_steps == 0 {
-            self.stages.set(stage);
+            self.stages.accept(stage);
             self.placing_steps = 0;
         }
     }
@@ -214,7 +214,7 @@ impl StageFilter {
             "stage {stage} of {}",
             self.layout.stage_count()
         );
-        self.stages.set(stage);
+        self.stages.accept(stage);
     }
 
     /// One step on: the robot acted, and now sees something at these distances.
@@ -242,11 +242,18 @@ impl StageFilter {
         let stage_probabilities = self.stage_probabilities();
         let reached = self.reached_probabilities();
         let fit = self.fit(distances);
-        let support = self.support(evidence, &reached, fit);
+        let sensed = evidence.zip(self.sense.as_ref());
+        let sensed = |of_class: fn(&StageEvidence, usize) -> f64| {
+            sensed.map(|(evidence, sense)| sense.of_stages(|class| of_class(evidence, class)))
+        };
+        let strict = sensed(StageEvidence::support);
+        let lenient = sensed(StageEvidence::lenient_support);
         let view = StageView {
             probabilities: &stage_probabilities,
             reached: &reached,
-            support: &support,
+            support: &support(&reached, strict.as_deref(), fit),
+            lenient: &support(&reached, lenient.as_deref(), fit),
+            sensed: strict.as_deref(),
         };
         // What is seen is like nothing that is believed: a belief that only drifts on decides little.
         let is_unfit = fit < self.options.lost_probability;
@@ -373,17 +380,6 @@ impl StageFilter {
         probabilities
     }
 
-    /// What speaks for each stage to be reached: what the classifier sees, else what is believed; less where
-    /// the robot is unlike what it is believed to be.
-    fn support(&self, evidence: Option<&StageEvidence>, reached: &[f64], fit: f64) -> Vec<f64> {
-        let sensed = evidence.zip(self.sense.as_ref());
-        let of_stage = |(stage, reached): (usize, &f64)| {
-            sensed.map_or(*reached, |(evidence, sense)| sense.support(evidence, stage))
-        };
-        let stages = reached.iter().enumerate();
-        stages.map(|stage| fit * of_stage(stage)).collect()
-    }
-
     /// Mean probability, by belief, that what is seen is connected to where the robot is believed to be.
     fn fit(&self, distances: &LiveDistances) -> f64 {
         let connected = |node| f64::from(distances.connected_probability(node).unwrap_or(0.0));
@@ -412,6 +408,14 @@ impl StageFilter {
             change,
         }
     }
+}
+
+/// What speaks for each stage to be reached: that it is believed, and that the classifier sees it or, where
+/// there is none, that the robot sees what it should.
+fn support(reached: &[f64], sensed: Option<&[f64]>, fit: f64) -> Vec<f64> {
+    let seen = |stage: usize| sensed.map_or(fit, |sensed| sensed[stage]);
+    let stages = reached.iter().enumerate();
+    stages.map(|(stage, believed)| believed * seen(stage)).collect()
 }
 
 /// How well the distances from and to a state fit with the robot being at it: both are one step

@@ -50,10 +50,10 @@ impl StageSense {
         }
     }
 
-    /// What speaks for a stage to be reached, 0..=1.
-    pub(super) fn support(&self, evidence: &StageEvidence, stage: usize) -> f64 {
-        let classes = self.reached[stage].iter();
-        classes.map(|class| evidence.support(*class)).sum()
+    /// What speaks for each stage to be reached, 0..=1, by what is said of a class.
+    pub(super) fn of_stages(&self, of_class: impl Fn(usize) -> f64) -> Vec<f64> {
+        let of_stage = |classes: &Vec<usize>| classes.iter().map(|class| of_class(*class)).sum();
+        self.reached.iter().map(of_stage).collect()
     }
 }
 

@@ -13,8 +13,9 @@ pub enum StageChange {
         /// The new stage.
         to: usize,
     },
-    /// A later subgoal is seen to be reached without earlier ones. The stage stays; set it with
-    /// [`StageFilter::set_stage`](super::StageFilter::set_stage) to accept that.
+    /// A later subgoal is seen to be reached without earlier ones. The stage stays, or falls back to the first of
+    /// these where it was believed to be reached; set it with
+    /// [`StageFilter::set_stage`](super::StageFilter::set_stage) to accept what was skipped.
     Shortcut {
         /// The stage at which the robot seems to be.
         to: usize,
@@ -38,6 +39,10 @@ const CERTAIN: f64 = 0.9;
 const DOUBT: f64 = 0.5;
 /// ... and together must come to so much: two steps that are plain, or more that are less so.
 const CONVINCED: f64 = 0.5;
+/// Steps that a robot must be believed at the start of a later task to have gone about it.
+const PASSED_STEPS: f64 = 4.0;
+/// What a classifier must have given a stage once for that to be more than believed.
+const SENSED: f64 = 0.6;
 
 /// What a step says of the stages, one value each.
 pub(super) struct StageView<'a> {
@@ -45,8 +50,12 @@ pub(super) struct StageView<'a> {
     pub(super) probabilities: &'a [f64],
     /// What of them lies behind the stage's last subgoal in the same task, not at the start of a later one.
     pub(super) reached: &'a [f64],
-    /// What speaks for being there, behind its subgoal, whatever was believed before; 0..=1.
+    /// What speaks for being there, behind its subgoal; 0..=1.
     pub(super) support: &'a [f64],
+    /// The same where what is seen may be less familiar.
+    pub(super) lenient: &'a [f64],
+    /// What a classifier gives the stage, whatever is believed, 0..=1; none without one.
+    pub(super) sensed: Option<&'a [f64]>,
 }
 
 /// The stage, which advances and falls back by votes.
@@ -54,12 +63,36 @@ pub(super) struct StageView<'a> {
 pub(super) struct Stages {
     pub(super) now: usize,
     votes: Votes,
-    /// For each stage, the largest probability it had behind its subgoal since the current stage began.
+    /// For each stage, the largest probability it had behind its subgoal since the current stage began ...
     peaks: Vec<f64>,
-    /// What speaks for a shortcut, added up.
-    suspicion: f64,
+    /// ... and for how many steps the robot was believed at it, be it at the start of a later task.
+    passed_steps: Vec<f64>,
+    /// For each stage, the most that the classifier gave it, or 1 where it is to be taken as reached.
+    sensed: Vec<f64>,
+    /// Stages at which a later task starts.
+    is_start: Vec<bool>,
+    /// What speaks for a later subgoal without earlier ones.
+    ahead: Suspicion,
+    /// What speaks for the current stage although an earlier one was only believed.
+    overlooked: Suspicion,
     /// Stages that were reported since the current one began: as a shortcut, as what is headed for.
     reported: [Option<usize>; 2],
+}
+
+/// What speaks for a shortcut, added up.
+#[derive(Clone, Copy, Debug, Default)]
+struct Suspicion(f64);
+
+impl Suspicion {
+    /// Adds what a step says, 0..=1; whether it convinces, upon which it begins anew.
+    fn add(&mut self, support: f64) -> bool {
+        self.0 = (self.0 + support - DOUBT).max(0.0);
+        let convinces = self.0 >= CONVINCED;
+        if convinces {
+            self.0 = 0.0;
+        }
+        convinces
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -71,22 +104,52 @@ struct Votes {
 }
 
 impl Stages {
-    pub(super) fn new(count: usize) -> Self {
+    /// At the first of so many stages; later tasks start at some of them.
+    pub(super) fn new(count: usize, starts_of_tasks: &[usize]) -> Self {
         Self {
             now: 0,
             votes: Votes::default(),
             peaks: vec![0.0; count],
-            suspicion: 0.0,
+            passed_steps: vec![0.0; count],
+            sensed: vec![0.0; count],
+            is_start: (0..count).map(|s| starts_of_tasks.contains(&s)).collect(),
+            ahead: Suspicion::default(),
+            overlooked: Suspicion::default(),
             reported: [None; 2],
         }
     }
 
-    pub(super) fn set(&mut self, stage: usize) {
+    /// Takes a stage as reached, with all before it, whatever was seen.
+    pub(super) fn accept(&mut self, stage: usize) {
+        self.set(stage);
+        self.sensed[..=stage].fill(1.0);
+    }
+
+    fn set(&mut self, stage: usize) {
+        if stage < self.now {
+            self.sensed[stage + 1..].fill(0.0);
+        }
         self.now = stage;
         self.votes = Votes::default();
         self.peaks.fill(0.0);
-        self.suspicion = 0.0;
+        self.passed_steps.fill(0.0);
+        self.ahead = Suspicion::default();
+        self.overlooked = Suspicion::default();
         self.reported = [None; 2];
+    }
+
+    /// Notes where the robot is believed to be, and what is seen of each stage.
+    fn note(&mut self, view: &StageView<'_>) {
+        for (peak, p) in self.peaks.iter_mut().zip(view.reached) {
+            *peak = peak.max(*p);
+        }
+        for (steps, p) in self.passed_steps.iter_mut().zip(view.probabilities) {
+            *steps += p;
+        }
+        // Without a classifier what is believed is all that there is to know.
+        for (stage, sensed) in self.sensed.iter_mut().enumerate() {
+            *sensed = sensed.max(view.sensed.map_or(1.0, |seen| seen[stage]));
+        }
     }
 
     /// Counts this step's votes and changes the stage when they suffice.
@@ -96,9 +159,7 @@ impl Stages {
         view: &StageView<'_>,
     ) -> Option<StageChange> {
         self.votes.unfit = 0;
-        for (peak, p) in self.peaks.iter_mut().zip(view.reached) {
-            *peak = peak.max(*p);
-        }
+        self.note(view);
         let probabilities = view.probabilities;
         let behind: f64 = probabilities[..self.now].iter().sum();
         let ahead: f64 = probabilities[self.now + 1..].iter().sum();
@@ -127,7 +188,7 @@ impl Stages {
             self.set(to);
             return Some(StageChange::Regressed { to });
         }
-        self.shortcut(view)
+        self.shortcut(view).or_else(|| self.overlooked(view))
     }
 
     /// The same while what is seen fits badly: only on to the next stage, and only if that is all but certain.
@@ -155,24 +216,43 @@ impl Stages {
 
     /// A later subgoal that is seen to be reached, when enough speaks for it over some steps.
     fn shortcut(&mut self, view: &StageView<'_>) -> Option<StageChange> {
-        let later = &view.support[self.now + 1..];
+        // A robot that went about the later task is at its first subgoal more probably than one that never did.
+        let support = |to: usize| {
+            let came_by = self.is_start[to - 1] && self.passed_steps[to - 1] >= PASSED_STEPS;
+            (if came_by { view.lenient } else { view.support })[to]
+        };
+        let later: Vec<f64> = (self.now + 1..self.peaks.len()).map(support).collect();
         if later.is_empty() {
             return None;
         }
-        let to = self.now + 1 + most_probable(later);
+        let to = self.now + 1 + most_probable(&later);
         let skipped = self.unseen_before(to, true);
         let gained = if skipped.is_empty() {
             0.0
         } else {
-            view.support[to]
+            later[to - self.now - 1]
         };
-        self.suspicion = (self.suspicion + gained - DOUBT).max(0.0);
-        if self.suspicion < CONVINCED {
+        if !self.ahead.add(gained) {
             return None;
         }
-        self.suspicion = 0.0;
         let is_new = self.reported[0].replace(to) != Some(to);
         is_new.then_some(StageChange::Shortcut { to, skipped })
+    }
+
+    /// The current stage, when enough speaks for it over some steps and yet an earlier one was believed without
+    /// ever being seen, as by a gripper that closed on nothing. The stage falls back to what is due. Stages at which
+    /// a later task starts may pass too fast to be seen.
+    fn overlooked(&mut self, view: &StageView<'_>) -> Option<StageChange> {
+        let to = self.now;
+        let is_unseen = |stage: &usize| !self.is_start[*stage] && self.sensed[*stage] < SENSED;
+        let skipped: Vec<usize> = (1..to).filter(is_unseen).map(|stage| stage - 1).collect();
+        let due = *skipped.first()?;
+        if !self.overlooked.add(view.support[to]) {
+            return None;
+        }
+        self.set(due);
+        self.reported[0] = Some(to);
+        Some(StageChange::Shortcut { to, skipped })
     }
 
     /// The subgoals up to a stage that were never seen to be reached.
@@ -204,6 +284,8 @@ mod tests {
             probabilities: &believed,
             reached: &believed,
             support: &[0.0, 0.0, 0.0, support],
+            lenient: &[0.0, 0.0, 0.0, support],
+            sensed: None,
         };
         stages.vote(&FilterOptions::default(), &view)
     }
@@ -211,13 +293,13 @@ mod tests {
     #[test]
     fn a_shortcut_takes_as_long_as_it_is_doubtful_and_is_said_once() {
         let steps = |support: f64| {
-            let mut stages = Stages::new(4);
+            let mut stages = Stages::new(4, &[]);
             (1..=50).find(|_| step(&mut stages, support).is_some())
         };
         assert_eq!(steps(0.9), Some(2));
         assert_eq!(steps(0.625), Some(4));
         assert_eq!(steps(0.5), None);
-        let mut stages = Stages::new(4);
+        let mut stages = Stages::new(4, &[]);
         let said: Vec<StageChange> = (0..20).filter_map(|_| step(&mut stages, 0.9)).collect();
         let skipped = vec![0, 1];
         assert_eq!(said, [StageChange::Shortcut { to: 3, skipped }]);
@@ -227,12 +309,14 @@ mod tests {
     #[test]
     fn a_stage_that_is_all_but_certain_is_reached_though_little_fits() {
         let steps = |reached: f64, options: &FilterOptions| {
-            let mut stages = Stages::new(3);
+            let mut stages = Stages::new(3, &[]);
             let view = [1.0 - reached, reached, 0.0];
             let view = StageView {
                 probabilities: &view,
                 reached: &view,
                 support: &view,
+                lenient: &view,
+                sensed: None,
             };
             (1..=20).find(|_| stages.vote_unfit(options, &view).is_some())
         };
@@ -247,8 +331,70 @@ mod tests {
     }
 
     #[test]
+    fn a_robot_that_came_by_the_start_of_a_task_may_be_less_familiar() {
+        let steps = |passes: usize| {
+            let mut stages = Stages::new(4, &[2]);
+            let at = |stage: usize, support: &[f64; 4], stages: &mut Stages| {
+                let mut believed = [0.0; 4];
+                believed[stage] = 1.0;
+                // At stage 2 the robot is at the start of a later task and has reached nothing.
+                let reached = if stage == 2 { [0.0; 4] } else { believed };
+                let view = StageView {
+                    probabilities: &believed,
+                    reached: &reached,
+                    support: &[0.0; 4],
+                    lenient: support,
+                    sensed: None,
+                };
+                stages.vote(&FilterOptions::default(), &view)
+            };
+            for _ in 0..passes {
+                at(2, &[0.0; 4], &mut stages);
+            }
+            let mut seen = (1..=20).map(|_| at(3, &[0.0, 0.0, 0.0, 0.9], &mut stages));
+            seen.position(|change| matches!(change, Some(StageChange::Shortcut { to: 3, .. })))
+        };
+        assert_eq!(steps(5), Some(1));
+        assert_eq!(steps(0), None);
+    }
+
+    #[test]
+    fn what_was_believed_and_never_seen_is_due_once_more_is_seen_to_be_reached() {
+        let run = |seen_before: f64, starts: &[usize], accept: bool| {
+            let mut stages = Stages::new(4, starts);
+            if accept {
+                stages.accept(1);
+            }
+            let believe = |stage: usize, sensed: f64, stages: &mut Stages| {
+                let (mut believed, mut seen) = ([0.0; 4], [0.0; 4]);
+                (believed[stage], seen[stage]) = (1.0, sensed);
+                let view = StageView {
+                    probabilities: &believed,
+                    reached: &believed,
+                    support: &seen,
+                    lenient: &seen,
+                    sensed: Some(&seen),
+                };
+                stages.vote(&FilterOptions::default(), &view)
+            };
+            for _ in 0..5 {
+                believe(1, seen_before, &mut stages);
+            }
+            let said: Vec<_> = (0..9).filter_map(|_| believe(2, 0.9, &mut stages)).collect();
+            (said, stages.now)
+        };
+        let advanced = StageChange::Advanced { to: 2 };
+        let skipped = vec![0];
+        let overlooked = StageChange::Shortcut { to: 2, skipped };
+        assert_eq!(run(0.9, &[], false), (vec![advanced.clone()], 2));
+        assert_eq!(run(0.1, &[], false), (vec![advanced.clone(), overlooked], 0));
+        assert_eq!(run(0.1, &[1], false), (vec![advanced.clone()], 2), "may pass fast");
+        assert_eq!(run(0.1, &[], true), (vec![advanced], 2), "taken as reached");
+    }
+
+    #[test]
     fn what_flickers_is_no_shortcut() {
-        let mut stages = Stages::new(4);
+        let mut stages = Stages::new(4, &[]);
         for i in 0..50 {
             let support = if i % 2 == 0 { 0.9 } else { 0.0 };
             assert_eq!(step(&mut stages, support), None);

@@ -219,7 +219,10 @@ impl<'a> Controller<'a> {
                 None
             }
             Some(StageChange::Shortcut { to, .. }) => match self.options.on_shortcut {
-                OnShortcut::Replan => None,
+                OnShortcut::Replan => {
+                    self.enter_stage();
+                    None
+                }
                 OnShortcut::Stop => Some(EpisodeEnd::Shortcut),
                 OnShortcut::Report => {
                     self.monitor.accept_stage(to);
