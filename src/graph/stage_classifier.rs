@@ -59,7 +59,7 @@ pub struct StageEvidence {
 /// From here on a latent is as familiar as need be.
 const FAMILIAR: f64 = 0.1;
 /// The same where something else speaks for a class, too.
-const BARELY_FAMILIAR: f64 = 0.02;
+const BARELY_FAMILIAR: f64 = 0.01;
 
 impl StageClassifier {
     /// Learns from all states of a graph, or an even choice of them where there are many. The same graph

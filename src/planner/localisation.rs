@@ -415,7 +415,9 @@ impl StageFilter {
 fn support(reached: &[f64], sensed: Option<&[f64]>, fit: f64) -> Vec<f64> {
     let seen = |stage: usize| sensed.map_or(fit, |sensed| sensed[stage]);
     let stages = reached.iter().enumerate();
-    stages.map(|(stage, believed)| believed * seen(stage)).collect()
+    stages
+        .map(|(stage, believed)| believed * seen(stage))
+        .collect()
 }
 
 /// How well the distances from and to a state fit with the robot being at it: both are one step
