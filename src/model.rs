@@ -4,6 +4,7 @@
 mod baseline;
 mod encoder;
 mod error;
+mod grasp_sense;
 mod landmark_book;
 mod latents;
 mod manifest;
@@ -18,6 +19,8 @@ pub use baseline::{
 };
 pub use encoder::Encoder;
 pub use error::ModelError;
+pub(crate) use grasp_sense::grasp_values;
+pub use grasp_sense::{GraspSense, GraspSight};
 pub(crate) use landmark_book::median;
 pub use landmark_book::{
     HIDDEN_M, LANDMARK_VALUES, Landmark, LandmarkBook, LandmarkSight, LandmarkView,

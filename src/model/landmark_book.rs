@@ -2,6 +2,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::GraspSense;
 use crate::trajectory::RobotGeometry;
 
 /// What is known of the landmarks of a model: `landmarks.json` in its folder.
@@ -23,6 +24,10 @@ pub struct LandmarkBook {
     /// told what demonstrations do with the arm.
     #[serde(default)]
     pub actions: BTreeMap<String, Vec<usize>>,
+    /// What a camera that the gripper carries tells of what is between its fingers. None where demonstrations never
+    /// closed on nothing, and in models of before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grasp: Option<GraspSense>,
 }
 
 /// Where the latent holds what one camera sees of landmarks: x, y and sureness of each.
@@ -111,6 +116,14 @@ impl LandmarkBook {
         Some((*landmark, at - step))
     }
 
+    /// Whether the gripper is closed at a state of a demonstration, missed grasps left out.
+    #[must_use]
+    pub fn is_closed(&self, trajectory: &str, step: u32) -> bool {
+        let events = self.events.get(trajectory).into_iter().flatten();
+        let before = events.take_while(|(at, _)| *at < step).last();
+        before.is_some_and(|(_, number)| self.landmarks[*number].closes)
+    }
+
     /// Why this does not belong to a latent of so many values and so many cameras, if it does not.
     #[must_use]
     pub fn misfit(&self, latent_dim: usize, cameras: usize) -> Option<String> {
@@ -161,6 +174,7 @@ mod tests {
             landmarks: vec![landmark.clone(), landmark],
             events: [("a".to_owned(), vec![(4, 0), (9, 1)])].into(),
             actions: BTreeMap::new(),
+            grasp: None,
         }
     }
 
@@ -172,6 +186,15 @@ mod tests {
         assert_eq!(book.next_event("a", 5), Some((1, 4)));
         assert_eq!(book.next_event("a", 10), None);
         assert_eq!(book.next_event("b", 0), None);
+    }
+
+    #[test]
+    fn a_gripper_is_closed_from_the_state_after_it_closes() {
+        let mut book = book();
+        book.landmarks[1].closes = false;
+        let closed: Vec<u32> = (0..12).filter(|step| book.is_closed("a", *step)).collect();
+        assert_eq!(closed, [5, 6, 7, 8, 9]);
+        assert!(!book.is_closed("b", 5));
     }
 
     #[test]

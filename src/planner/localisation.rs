@@ -8,6 +8,7 @@ use super::stage_sense::StageSense;
 use super::stages::{StageView, Stages, most_probable};
 use super::{FilterOptions, Layout, LiveDistances, PlaceId, StageChange};
 use crate::graph::{NodeId, StageClassifier, StageEvidence};
+use crate::model::GraspSight;
 
 /// Where in the composition the robot is believed to be.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,6 +55,10 @@ pub struct StageFilter {
     stages: Stages,
     unfit_steps: u32,
     sense: Option<StageSense>,
+    /// Stages in which the gripper holds something, where that is known.
+    holds: Vec<bool>,
+    /// What is seen of the gripper in the next step.
+    grasp: Option<GraspSight>,
     outset: Outset,
     /// Steps left in which the stage of a robot that may start anywhere is told by what is seen.
     placing_steps: u32,
@@ -94,6 +99,8 @@ impl StageFilter {
             stages,
             unfit_steps: 0,
             sense: None,
+            holds: Vec::new(),
+            grasp: None,
             outset,
             placing_steps: 0,
         };
@@ -107,6 +114,26 @@ impl StageFilter {
     pub fn with_classifier(mut self, classifier: Arc<StageClassifier>) -> Self {
         self.sense = Some(StageSense::new(classifier, &self.layout));
         self
+    }
+
+    /// Knows at which states of demonstrations the gripper holds something: in a stage in which most hold, an empty
+    /// gripper then speaks against what it lets go of, see [`note_grasp`](Self::note_grasp).
+    #[must_use]
+    pub fn with_grasps(mut self, is_held: impl Fn(NodeId) -> bool) -> Self {
+        let mut votes = vec![0_i64; self.layout.stage_count()];
+        for (id, place) in (0..).map(PlaceId).zip(self.layout.places()) {
+            if !self.layout.is_at_start(id) {
+                votes[place.stage] += if is_held(place.node) { 1 } else { -1 };
+            }
+        }
+        self.holds = votes.iter().map(|votes| *votes > 0).collect();
+        self.stages.know_what_holds(self.holds.clone());
+        self
+    }
+
+    /// What is seen of the gripper in the step that [`look`](Self::look) is called for next.
+    pub fn note_grasp(&mut self, sight: GraspSight) {
+        self.grasp = Some(sight);
     }
 
     /// Back to the beginning of the composition, for a new episode.
@@ -123,6 +150,7 @@ impl StageFilter {
         self.belief.weigh(|_| 1.0, |_| 1.0);
         self.forget_the_least();
         self.set_stage(self.outset.stage());
+        self.grasp = None;
         self.placing_steps = match self.outset {
             Outset::Anywhere => PLACING_STEPS,
             _ => 0,
@@ -246,8 +274,25 @@ impl StageFilter {
         let sensed = |of_class: fn(&StageEvidence, usize) -> f64| {
             sensed.map(|(evidence, sense)| sense.of_stages(|class| of_class(evidence, class)))
         };
-        let strict = sensed(StageEvidence::support);
-        let lenient = sensed(StageEvidence::lenient_support);
+        let grasp = self.grasp.take();
+        let full_handed = |stages: Option<Vec<f64>>| {
+            let mut stages = stages?;
+            if let Some(sight) = grasp {
+                for (value, _) in stages
+                    .iter_mut()
+                    .zip(&self.holds)
+                    .filter(|(_, holds)| **holds)
+                {
+                    *value *= 1.0 - sight.empty;
+                }
+            }
+            Some(stages)
+        };
+        let strict = full_handed(sensed(StageEvidence::support));
+        let lenient = full_handed(sensed(StageEvidence::lenient_support));
+        if let Some(sight) = grasp {
+            self.stages.note_grasp(sight);
+        }
         let view = StageView {
             probabilities: &stage_probabilities,
             reached: &reached,

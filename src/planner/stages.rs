@@ -1,4 +1,5 @@
 use super::FilterOptions;
+use crate::model::GraspSight;
 
 /// What became of the stage in a step.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,6 +44,10 @@ const CONVINCED: f64 = 0.5;
 const PASSED_STEPS: f64 = 8.0;
 /// What a classifier must have given a stage once for that to be more than believed.
 const SENSED: f64 = 0.5;
+/// What is seen of the gripper counts beyond this ...
+const GRASP_DOUBT: f64 = 0.7;
+/// ... and together must come to so much.
+const GRASP_CONVINCED: f64 = 0.4;
 
 /// What a step says of the stages, one value each.
 pub(super) struct StageView<'a> {
@@ -71,6 +76,15 @@ pub(super) struct Stages {
     sensed: Vec<f64>,
     /// Stages at which a later task starts.
     is_start: Vec<bool>,
+    /// Stages in which the gripper holds something, where that is known.
+    holds: Vec<bool>,
+    /// What speaks for a gripper that is empty in a stage in which it should hold something, and for one that is not.
+    empty: Suspicion,
+    held: Suspicion,
+    /// Whether it was last seen empty there.
+    is_empty: bool,
+    /// Stages whose subgoal was to let go of something when the gripper was empty.
+    is_hollow: Vec<bool>,
     /// What speaks for a later subgoal without earlier ones.
     ahead: Suspicion,
     /// What speaks for the current stage although an earlier one was only believed.
@@ -86,8 +100,17 @@ struct Suspicion(f64);
 impl Suspicion {
     /// Adds what a step says, 0..=1; whether it convinces, upon which it begins anew.
     fn add(&mut self, support: f64) -> bool {
-        self.0 = (self.0 + support - DOUBT).max(0.0);
-        let convinces = self.0 >= CONVINCED;
+        self.add_beyond(support, DOUBT, CONVINCED)
+    }
+
+    /// The same for what is seen of the gripper.
+    fn add_grasp(&mut self, probability: f64) -> bool {
+        self.add_beyond(probability, GRASP_DOUBT, GRASP_CONVINCED)
+    }
+
+    fn add_beyond(&mut self, support: f64, doubt: f64, convinced: f64) -> bool {
+        self.0 = (self.0 + support - doubt).max(0.0);
+        let convinces = self.0 >= convinced;
         if convinces {
             self.0 = 0.0;
         }
@@ -113,22 +136,40 @@ impl Stages {
             passed_steps: vec![0.0; count],
             sensed: vec![0.0; count],
             is_start: (0..count).map(|s| starts_of_tasks.contains(&s)).collect(),
+            holds: vec![false; count],
+            empty: Suspicion::default(),
+            held: Suspicion::default(),
+            is_empty: false,
+            is_hollow: vec![false; count],
             ahead: Suspicion::default(),
             overlooked: Suspicion::default(),
             reported: [None; 2],
         }
     }
 
+    /// Says in which stages the gripper holds something.
+    pub(super) fn know_what_holds(&mut self, holds: Vec<bool>) {
+        self.holds = holds;
+    }
+
     /// Takes a stage as reached, with all before it, whatever was seen.
     pub(super) fn accept(&mut self, stage: usize) {
         self.set(stage);
         self.sensed[..=stage].fill(1.0);
+        self.is_hollow.fill(false);
     }
 
     fn set(&mut self, stage: usize) {
         if stage < self.now {
             self.sensed[stage + 1..].fill(0.0);
+            self.is_hollow[stage + 1..].fill(false);
         }
+        if stage > self.now && self.is_empty && !self.holds[stage] {
+            self.is_hollow[self.now + 1..=stage].fill(true);
+        }
+        self.is_empty = false;
+        self.empty = Suspicion::default();
+        self.held = Suspicion::default();
         self.now = stage;
         self.votes = Votes::default();
         self.peaks.fill(0.0);
@@ -149,6 +190,19 @@ impl Stages {
         // Without a classifier what is believed is all that there is to know.
         for (stage, sensed) in self.sensed.iter_mut().enumerate() {
             *sensed = sensed.max(view.sensed.map_or(1.0, |seen| seen[stage]));
+        }
+    }
+
+    /// Notes what is seen of the gripper in a stage in which it should hold something.
+    pub(super) fn note_grasp(&mut self, sight: GraspSight) {
+        if !self.holds[self.now] {
+            return;
+        }
+        if self.empty.add_grasp(sight.empty) {
+            self.is_empty = true;
+        }
+        if self.held.add_grasp(sight.held) {
+            self.is_empty = false;
         }
     }
 
@@ -240,13 +294,16 @@ impl Stages {
     }
 
     /// The current stage, when enough speaks for it over some steps and yet one of an earlier task was believed
-    /// without ever being seen, as by a gripper that closed on nothing. The stage falls back to what is due. Stages
-    /// at which a later task starts may pass too fast to be seen.
+    /// without ever being seen, or was to let go of what an empty gripper did not hold. The stage falls back to what
+    /// is due. Stages at which a later task starts may pass too fast to be seen.
     fn overlooked(&mut self, view: &StageView<'_>) -> Option<StageChange> {
         let to = self.now;
         let task_starts = (0..=to).rfind(|stage| self.is_start[*stage])?;
-        let is_unseen = |stage: &usize| !self.is_start[*stage] && self.sensed[*stage] < SENSED;
-        let unseen = (1..task_starts).filter(is_unseen);
+        let is_unseen = |stage: &usize| {
+            let is_unsensed = !self.is_start[*stage] && self.sensed[*stage] < SENSED;
+            self.is_hollow[*stage] || (is_unsensed && *stage < task_starts)
+        };
+        let unseen = (1..to.min(task_starts + 1)).filter(is_unseen);
         let skipped: Vec<usize> = unseen.map(|stage| stage - 1).collect();
         let due = *skipped.first()?;
         if !self.overlooked.add(view.support[to]) {
@@ -406,6 +463,49 @@ mod tests {
             (vec![advanced], 3),
             "taken as reached"
         );
+    }
+
+    #[test]
+    fn what_an_empty_gripper_let_go_of_is_due_once_a_later_task_is_seen() {
+        let run = |seen: [GraspSight; 2]| {
+            let mut stages = Stages::new(4, &[2]);
+            stages.know_what_holds(vec![false, true, false, true]);
+            stages.accept(1);
+            let believe = |stage: usize, stages: &mut Stages| {
+                let mut believed = [0.0; 4];
+                believed[stage] = 1.0;
+                let view = StageView {
+                    probabilities: &believed,
+                    reached: &believed,
+                    support: &believed,
+                    lenient: &believed,
+                    sensed: None,
+                };
+                stages.vote(&FilterOptions::default(), &view)
+            };
+            for sight in seen {
+                for _ in 0..3 {
+                    stages.note_grasp(sight);
+                    believe(1, &mut stages);
+                }
+            }
+            for _ in 0..3 {
+                believe(2, &mut stages);
+            }
+            (0..9)
+                .filter_map(|_| believe(3, &mut stages))
+                .collect::<Vec<_>>()
+        };
+        let sight = |open, empty, held| GraspSight { open, empty, held };
+        let (empty, held) = (sight(0.0, 0.95, 0.05), sight(0.0, 0.1, 0.9));
+        let unsure = sight(0.1, 0.6, 0.3);
+        let advanced = StageChange::Advanced { to: 3 };
+        let skipped = vec![1];
+        let hollow = StageChange::Shortcut { to: 3, skipped };
+        assert_eq!(run([held, empty]), [advanced.clone(), hollow]);
+        let advanced = [advanced];
+        assert_eq!(run([empty, held]), advanced);
+        assert_eq!(run([held, unsure]), advanced);
     }
 
     #[test]

@@ -70,6 +70,14 @@ impl<'a> Monitor<'a> {
         if options.filter.classifier_weight > 0.0 {
             filter = filter.with_classifier(planner.stage_classifier()?);
         }
+        let book = model.landmarks;
+        if let Some(book) = book.filter(|book| book.grasp.is_some()) {
+            let graph = planner.graph();
+            filter = filter.with_grasps(|node| {
+                let node = graph.node(node);
+                book.is_closed(&node.trajectory, node.step)
+            });
+        }
         let candidates = filter.candidates();
         let nearby = options
             .nearest_states
@@ -142,6 +150,10 @@ impl<'a> Monitor<'a> {
             self.near_probability,
         )
         .map_err(failed)?;
+        let sense = self.model.landmarks.and_then(|book| book.grasp.as_ref());
+        if let Some(sight) = sense.and_then(|sense| sense.look(self.history.last()?)) {
+            self.filter.note_grasp(sight);
+        }
         let before = self.filter.stage();
         let localisation = self.filter.look(&distances, latent.row(0));
         let events = self.events(before, &localisation);

@@ -55,6 +55,7 @@ fn approach(landmark: Landmark) -> Approach {
         landmarks: vec![landmark],
         events: [("shown".to_owned(), vec![(12, 0)])].into(),
         actions: BTreeMap::new(),
+        grasp: None,
     };
     let space = ActionSpace::Primitives {
         names: NAMES.map(String::from).to_vec(),

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::grasps::grasp_sense;
 use super::{LandmarkConfig, Landmarks, landmark_count, numbers, pixel_of, postures};
 use crate::model::{LANDMARK_VALUES, Landmark, LandmarkBook, LandmarkView, median};
 use crate::task::GripperEvent;
@@ -84,6 +85,7 @@ impl Landmarks {
             landmarks: found,
             events,
             actions,
+            grasp: grasp_sense(data, learnt, &config.imitation),
         })
     }
 }

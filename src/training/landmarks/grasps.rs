@@ -1,0 +1,203 @@
+//! Learns to tell an open gripper, one that closed on nothing, and one that holds something.
+
+use linfa::traits::Fit;
+use linfa::{Dataset as Labelled, ParamGuard};
+use linfa_logistic::MultiLogisticRegression;
+use ndarray::{Array1, Array2};
+
+use super::LandmarkConfig;
+use crate::model::{GraspSense, grasp_values};
+use crate::task::GripperEvent;
+use crate::training::missed_grasps::{Outcome, closings};
+use crate::training::{Dataset, ImitationConfig, StateRef};
+use crate::trajectory::{CameraSpec, MountedOn, RobotGeometry};
+
+/// Side of the square of the picture that is looked at, with the gripper in its middle, beside the picture's height.
+const SIDE: f32 = 0.8;
+/// States of each class that it learns from; those of rare classes are repeated.
+const STATES_A_CLASS: usize = 300;
+/// Least states that show a gripper closed on nothing.
+const LEAST_EMPTY: usize = 10;
+/// Weight of the squared weights against the summed loss.
+const RIDGE: f64 = 3.0;
+/// Iterations of the quasi-Newton search.
+const MOST_ITERATIONS: u64 = 60;
+/// Added to the spread of a value, 0..=1, so that one that hardly changes does not count for much.
+const LEAST_SPREAD: f32 = 0.05;
+
+/// What demonstrations show of their grippers; none without a camera that a gripper carries, or where too few
+/// of them closed on nothing.
+pub(super) fn grasp_sense(
+    data: &Dataset,
+    config: &LandmarkConfig,
+    imitation: &ImitationConfig,
+) -> Option<GraspSense> {
+    let mut cameras = data.cameras().iter();
+    let (camera, region) =
+        cameras.find_map(|camera| Some((camera, region(&config.robot, camera)?)))?;
+    let classes = classes(data, imitation);
+    if classes[1].len() < LEAST_EMPTY || classes[0].is_empty() || classes.len() < 3 {
+        return None;
+    }
+    let chosen = classes.iter().enumerate().flat_map(|(class, states)| {
+        let at = move |i: usize| (class, states[i * states.len() / STATES_A_CLASS]);
+        (0..STATES_A_CLASS).map(at)
+    });
+    let (mut targets, mut rows) = (Vec::new(), Vec::new());
+    for (class, at) in chosen {
+        let image = data.observation(at).image(&camera.name).ok()?;
+        rows.push(grasp_values(image, region));
+        targets.push(class);
+    }
+    let (mean, spread) = moments(&rows);
+    let records = Array2::from_shape_fn((rows.len(), mean.len()), |(i, k)| {
+        f64::from((rows[i][k] - mean[k]) / spread[k])
+    });
+    let params = MultiLogisticRegression::default()
+        .alpha(RIDGE)
+        .max_iterations(MOST_ITERATIONS)
+        .check()
+        .ok()?;
+    let fitted = params
+        .fit(&Labelled::new(records, Array1::from(targets)))
+        .ok()?;
+    let weights = (0..classes.len()).map(|class| {
+        let of_class = fitted.params().column(class);
+        let scaled = of_class.iter().zip(&spread).map(|(w, s)| *w as f32 / s);
+        scaled.collect()
+    });
+    Some(GraspSense {
+        camera: camera.name.clone(),
+        region,
+        weights: weights.collect(),
+        intercepts: fitted.intercept().iter().map(|i| *i as f32).collect(),
+        mean,
+    })
+}
+
+/// The part of a picture that shows the gripper, for a camera that the gripper carries.
+fn region(robot: &RobotGeometry, camera: &CameraSpec) -> Option<[f32; 4]> {
+    let mount = robot.cameras.get(&camera.name)?;
+    if mount.on != MountedOn::Gripper {
+        return None;
+    }
+    let posture = robot.at_start();
+    let [x, y] = robot.pixel(&posture, camera, &robot.gripper(&posture))?;
+    let (height, width) = (camera.height as f32, camera.width as f32);
+    let half = 0.5 * SIDE * height;
+    let share = |pixel: f32, size: f32| (pixel / size).clamp(0.0, 1.0);
+    Some([
+        share(x - half, width),
+        share(y - half, height),
+        share(x + half, width),
+        share(y + half, height),
+    ])
+}
+
+/// States with an open gripper, states with one that closed on nothing, and those of each task that show
+/// something held.
+fn classes(data: &Dataset, imitation: &ImitationConfig) -> Vec<Vec<StateRef>> {
+    let mut classes = vec![Vec::new(); 2];
+    for trajectory in 0..data.trajectory_count() as u32 {
+        let events = data.gripper_events(trajectory);
+        let markers = data.marker_steps(trajectory);
+        let last = data.steps(trajectory).saturating_sub(1);
+        let states = |from: usize, to: usize| {
+            let steps = from as u32..=to.min(last) as u32;
+            steps.map(move |step| StateRef { trajectory, step })
+        };
+        let first = events.first().map_or(last, |(step, _)| *step);
+        if events
+            .first()
+            .is_none_or(|(_, e)| *e == GripperEvent::Close)
+        {
+            classes[0].extend(states(0, first));
+        }
+        for (place, (opened, event)) in events.iter().enumerate() {
+            if *event == GripperEvent::Open {
+                let next = events.get(place + 1).map_or(last, |(step, _)| *step);
+                classes[0].extend(states(opened + 1, next));
+            }
+        }
+        for closing in closings(events, markers, imitation) {
+            let opened = closing.opened.unwrap_or(last);
+            match closing.outcome {
+                Outcome::Missed => classes[1].extend(states(closing.closed + 1, opened)),
+                Outcome::Held => {
+                    let taken = markers.iter().find(|step| **step > closing.closed);
+                    let class = 2 + data.set_of(trajectory);
+                    classes.resize(classes.len().max(class + 1), Vec::new());
+                    classes[class].extend(states(taken.map_or(opened, |t| t + 1), opened));
+                }
+                Outcome::Unknown => {}
+            }
+        }
+    }
+    let held = classes.split_off(2);
+    classes.extend(held.into_iter().filter(|states| !states.is_empty()));
+    classes
+}
+
+/// Mean of each value, and its spread.
+fn moments(rows: &[Vec<f32>]) -> (Vec<f32>, Vec<f32>) {
+    let count = rows.len().max(1) as f32;
+    let values = rows.first().map_or(0, Vec::len);
+    let mean = |k: usize| rows.iter().map(|row| row[k]).sum::<f32>() / count;
+    let mean: Vec<f32> = (0..values).map(mean).collect();
+    let spread = |k: usize| {
+        let squares = rows.iter().map(|row| (row[k] - mean[k]).powi(2));
+        (squares.sum::<f32>() / count).sqrt() + LEAST_SPREAD
+    };
+    let spread = (0..values).map(spread).collect();
+    (mean, spread)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulator::{Bedroom, BedroomConfig, BedroomTask, Habits, demonstrate_on};
+    use crate::trajectory::{DemonstrationSet, Trajectory};
+
+    fn shown(seeds: std::ops::Range<u64>) -> Vec<Trajectory> {
+        let task = BedroomTask::Sock;
+        let habits = Habits {
+            missed_grasp: 1.0,
+            slip: 0.0,
+            ..Habits::default()
+        };
+        let one = |seed| {
+            let mut room = Bedroom::new(BedroomConfig::paper(task));
+            room.arrange(seed);
+            let shown = demonstrate_on(&mut room, task, habits, seed).unwrap();
+            shown.trajectory
+        };
+        seeds.map(one).collect()
+    }
+
+    #[test]
+    fn grippers_of_other_demonstrations_are_told() {
+        let data = |seeds| Dataset::new(&[DemonstrationSet::new("sock", shown(seeds)).unwrap()]);
+        let imitation = crate::training::Preset::Bedroom.config().imitation;
+        let config = LandmarkConfig::bedroom();
+        let learnt = data(1..17).unwrap();
+        let empty = classes(&learnt, &imitation)[1].len();
+        assert!(empty >= LEAST_EMPTY, "{empty} states closed on nothing");
+        let sense = grasp_sense(&learnt, &config, &imitation).expect("some close on nothing");
+        assert_eq!(sense.misfit(["wrist"].into_iter()), None);
+        let other = data(17..27).unwrap();
+        for (class, states) in classes(&other, &imitation).iter().enumerate() {
+            let told = states.iter().map(|at| {
+                let sight = sense.look(other.observation(*at));
+                let sight = sight.expect("the wrist sees");
+                [sight.open, sight.empty, sight.held][class]
+            });
+            let mean = told.sum::<f64>() / states.len() as f64;
+            assert!(mean > 0.6, "class {class}: {mean} of {}", states.len());
+        }
+        let never = ImitationConfig::default();
+        assert!(
+            grasp_sense(&learnt, &config, &never).is_none(),
+            "nothing is known to be missed"
+        );
+    }
+}
