@@ -44,10 +44,10 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("clap", &["cli"]),
     ("indicatif", &["cli"]),
     ("petgraph", &["graph", "planner"]),
-    ("linfa", &["graph"]),
+    ("linfa", &["graph", "training"]),
     ("linfa_clustering", &["graph"]),
-    ("linfa_logistic", &["graph"]),
-    ("ndarray", &["graph"]),
+    ("linfa_logistic", &["graph", "training"]),
+    ("ndarray", &["graph", "training"]),
 ];
 
 fn rust_files(folder: &Path, into: &mut Vec<PathBuf>) {
