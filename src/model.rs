@@ -34,7 +34,7 @@ pub use manifest::{
 pub(crate) use manifest::{file_digests, indented_json};
 pub use policy::{ActionDistribution, LocalPolicy};
 pub use spec::ModelSpec;
-pub(crate) use temperature::best_temperature;
 pub use temperature::temper;
+pub(crate) use temperature::{best_temperature, softmax};
 pub(crate) use traversability::BLOCK_PAIRS;
 pub use traversability::{Projections, StepDistributions, Traversability, predict_in_blocks};

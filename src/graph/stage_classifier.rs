@@ -1,21 +1,12 @@
 use std::fmt;
 
-use linfa::traits::Fit;
-use linfa::{Dataset, ParamGuard};
-use linfa_logistic::MultiLogisticRegression;
-use ndarray::{Array1, Array2};
 use rayon::prelude::*;
 
-use super::{NodeId, TopologicalGraph};
+use super::{Logistic, NodeId, ROWS_A_CLASS, TopologicalGraph, evenly};
 
-/// States of each class that it learns from: rare classes are repeated, so that all are equally probable
-/// beforehand.
-const STATES_A_CLASS: usize = 300;
 /// Weight of the squared weights against the summed loss; what 30 demonstrations of the bedroom need for
 /// those left out to be told best.
 const RIDGE: f64 = 50.0;
-/// Iterations of the quasi-Newton search; more change nothing that can be seen.
-const MOST_ITERATIONS: u64 = 60;
 /// Spread below which a value of the latent says nothing.
 const LEAST_SPREAD: f64 = 1e-6;
 
@@ -35,9 +26,8 @@ pub struct StageClassifier {
     class_of_node: Vec<u32>,
     mean: Vec<f64>,
     scale: Vec<f64>,
-    /// Latent values by classes; nothing to tell where there is one class.
-    weights: Array2<f64>,
-    intercept: Array1<f64>,
+    /// On standardised latents; nothing to tell where there is one class.
+    regression: Logistic,
     known: Vec<KnownStates>,
 }
 
@@ -84,8 +74,7 @@ impl StageClassifier {
             .collect();
         let dim = graph.latents().dim();
         let mut classifier = Self {
-            weights: Array2::zeros((dim, classes.len())),
-            intercept: Array1::zeros(classes.len()),
+            regression: Logistic::of_nothing(dim, classes.len()),
             mean: vec![0.0; dim],
             scale: vec![1.0; dim],
             classes,
@@ -108,7 +97,7 @@ impl StageClassifier {
 
     /// Learns from as many states of each class.
     fn learn(&mut self, graph: &TopologicalGraph, members: &[Vec<usize>]) -> Result<(), String> {
-        let chosen = members.iter().flat_map(|m| evenly(m, STATES_A_CLASS));
+        let chosen = members.iter().flat_map(|m| evenly(m, ROWS_A_CLASS));
         let rows: Vec<usize> = chosen.collect();
         let latents = graph.latents();
         let dim = latents.dim();
@@ -134,25 +123,15 @@ impl StageClassifier {
             }
         });
         self.scale = scales.collect();
-        let records = Array2::from_shape_fn((rows.len(), dim), |(i, k)| {
-            self.standardised(k, latents.row(rows[i])[k])
-        });
-        let targets = Array1::from_iter(rows.iter().map(|row| self.class_of_node[*row] as usize));
-        let params = MultiLogisticRegression::default()
-            .alpha(RIDGE)
-            .max_iterations(MOST_ITERATIONS)
-            .check()
-            .map_err(|e| e.to_string())?;
-        let fitted = params.fit(&Dataset::new(records, targets));
-        let fitted = fitted.map_err(|e| e.to_string())?;
-        self.weights.clone_from(fitted.params());
-        self.intercept.clone_from(fitted.intercept());
+        let value = |row: usize, k: usize| self.standardised(k, latents.row(rows[row])[k]);
+        let targets = rows.iter().map(|row| self.class_of_node[*row] as usize);
+        self.regression = Logistic::fit(dim, value, targets.collect(), RIDGE)?;
         Ok(())
     }
 
     /// A choice of the states of a class, with no one of them twice.
     fn known_states(&self, graph: &TopologicalGraph, members: &[usize]) -> KnownStates {
-        let count = members.len().min(STATES_A_CLASS);
+        let count = members.len().min(ROWS_A_CLASS);
         let chosen: Vec<usize> = evenly(members, count).collect();
         let mut known = KnownStates::default();
         for node in &chosen {
@@ -192,13 +171,10 @@ impl StageClassifier {
             .iter()
             .enumerate()
             .map(|(k, v)| self.standardised(k, *v));
-        let logits = Array1::from_iter(standardised).dot(&self.weights) + &self.intercept;
-        let largest = logits.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let odds: Vec<f64> = logits.iter().map(|logit| (logit - largest).exp()).collect();
-        let total: f64 = odds.iter().sum();
+        let probabilities = self.regression.probabilities(standardised);
         let values: Vec<f32> = self.all_standardised(latent).collect();
         StageEvidence {
-            probabilities: odds.into_iter().map(|odd| odd / total).collect(),
+            probabilities,
             familiarity: self.known.iter().map(|k| k.familiarity(&values)).collect(),
         }
     }
@@ -274,11 +250,6 @@ impl KnownStates {
         let nearer = self.distances.partition_point(|known| *known < distance);
         (count - nearer) as f64 / count as f64
     }
-}
-
-/// So many of some nodes, spread over all of them; some more than once where there are not as many.
-fn evenly(members: &[usize], count: usize) -> impl Iterator<Item = usize> {
-    (0..count).map(move |i| members[i * members.len() / count])
 }
 
 /// Squared distance to the nearest of some rows.

@@ -220,11 +220,7 @@ fn landmarks(
     };
     let book: LandmarkBook =
         serde_json::from_slice(&bytes).map_err(|error| misfit(error.to_string()))?;
-    let cameras = &manifest.spec.cameras;
-    let grasp = book.grasp.as_ref();
-    let grasp_misfit = grasp.and_then(|g| g.misfit(cameras.iter().map(|c| c.name.as_str())));
-    let misfits = book.misfit(manifest.spec.latent_dim, cameras.len());
-    match misfits.or(grasp_misfit) {
+    match book.misfit(manifest.spec.latent_dim, &manifest.spec.cameras) {
         Some(reason) => Err(misfit(reason)),
         None => Ok(Some(book)),
     }

@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
-use crate::trajectory::{Image, Observation};
+use super::softmax;
+use crate::trajectory::{CameraSpec, Image, Observation};
 
 /// Rows and columns that the part of the picture around the gripper is averaged to.
 pub(crate) const GRASP_CELLS: [u32; 2] = [15, 18];
@@ -51,19 +52,17 @@ impl GraspSense {
                 f64::from(sum + intercept)
             })
             .collect();
-        let largest = logits.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let odds: Vec<f64> = logits.iter().map(|logit| (logit - largest).exp()).collect();
-        let total: f64 = odds.iter().sum();
+        let probabilities = softmax(&logits);
         Some(GraspSight {
-            open: odds[0] / total,
-            empty: odds[1] / total,
-            held: odds[2..].iter().sum::<f64>() / total,
+            open: probabilities[0],
+            empty: probabilities[1],
+            held: probabilities[2..].iter().sum(),
         })
     }
 
     /// Why this cannot be used with some cameras, if it cannot.
     #[must_use]
-    pub fn misfit<'a>(&self, mut cameras: impl Iterator<Item = &'a str>) -> Option<String> {
+    pub fn misfit(&self, cameras: &[CameraSpec]) -> Option<String> {
         let [rows, columns] = GRASP_CELLS;
         let values = (3 * rows * columns) as usize;
         let [left, top, right, bottom] = self.region;
@@ -76,19 +75,14 @@ impl GraspSense {
                 "a sense of grasps without {values} values for three classes or more"
             ));
         }
-        if !(0.0 <= left
-            && left < right
-            && right <= 1.0
-            && 0.0 <= top
-            && top < bottom
-            && bottom <= 1.0)
-        {
+        let is_part = |from: f32, to: f32| 0.0 <= from && from < to && to <= 1.0;
+        if !is_part(left, right) || !is_part(top, bottom) {
             return Some(format!(
                 "a sense of grasps in the part {:?} of a picture",
                 self.region
             ));
         }
-        let is_known = cameras.any(|camera| camera == self.camera);
+        let is_known = cameras.iter().any(|camera| camera.name == self.camera);
         (!is_known).then(|| format!("a sense of grasps of the camera `{}`", self.camera))
     }
 }
@@ -164,16 +158,21 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_told() {
-        assert_eq!(sense().misfit(["head", "wrist"].into_iter()), None);
-        let no_camera = sense()
-            .misfit(["head"].into_iter())
-            .expect("it looks through the wrist");
+        let camera = |name: &str| CameraSpec {
+            name: name.to_owned(),
+            height: 40,
+            width: 80,
+        };
+        let (head, wrist) = ([camera("head")], [camera("wrist")]);
+        let both = [camera("head"), camera("wrist")];
+        assert_eq!(sense().misfit(&both), None);
+        let no_camera = sense().misfit(&head).expect("it looks through the wrist");
         assert!(no_camera.contains("wrist"), "{no_camera}");
         let mut other = sense();
         other.region[2] = 0.1;
-        assert!(other.misfit(["wrist"].into_iter()).is_some());
+        assert!(other.misfit(&wrist).is_some());
         let mut other = sense();
         other.weights[1].pop();
-        assert!(other.misfit(["wrist"].into_iter()).is_some());
+        assert!(other.misfit(&wrist).is_some());
     }
 }

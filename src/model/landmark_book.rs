@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::GraspSense;
-use crate::trajectory::RobotGeometry;
+use crate::trajectory::{CameraSpec, RobotGeometry};
 
 /// What is known of the landmarks of a model: `landmarks.json` in its folder.
 ///
@@ -124,12 +124,16 @@ impl LandmarkBook {
         before.is_some_and(|(_, number)| self.landmarks[*number].closes)
     }
 
-    /// Why this does not belong to a latent of so many values and so many cameras, if it does not.
+    /// Why this does not belong to a latent of so many values and to these cameras, if it does not.
     #[must_use]
-    pub fn misfit(&self, latent_dim: usize, cameras: usize) -> Option<String> {
+    pub fn misfit(&self, latent_dim: usize, cameras: &[CameraSpec]) -> Option<String> {
         let count = self.landmarks.len();
-        if self.views.len() != cameras {
-            return Some(format!("{} views of {cameras} cameras", self.views.len()));
+        if self.views.len() != cameras.len() {
+            return Some(format!(
+                "{} views of {} cameras",
+                self.views.len(),
+                cameras.len()
+            ));
         }
         if let Some(view) =
             (self.views.iter()).find(|v| v.first + LANDMARK_VALUES * count > latent_dim)
@@ -145,7 +149,8 @@ impl LandmarkBook {
             .flatten()
             .map(|(_, landmark)| *landmark);
         let unknown = numbers.into_iter().find(|landmark| *landmark >= count);
-        unknown.map(|landmark| format!("an event of landmark {landmark} of {count}"))
+        let unknown = unknown.map(|landmark| format!("an event of landmark {landmark} of {count}"));
+        unknown.or_else(|| self.grasp.as_ref()?.misfit(cameras))
     }
 }
 
@@ -206,11 +211,17 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_told() {
-        assert_eq!(book().misfit(8, 1), None);
-        assert!(book().misfit(7, 1).unwrap().contains("7 values"));
-        assert!(book().misfit(8, 2).unwrap().contains("2 cameras"));
+        let camera = |name: &str| CameraSpec {
+            name: name.to_owned(),
+            height: 90,
+            width: 160,
+        };
+        let (one, two) = ([camera("head")], [camera("head"), camera("wrist")]);
+        assert_eq!(book().misfit(8, &one), None);
+        assert!(book().misfit(7, &one).unwrap().contains("7 values"));
+        assert!(book().misfit(8, &two).unwrap().contains("2 cameras"));
         let mut other = book();
         other.landmarks.pop();
-        assert!(other.misfit(8, 1).unwrap().contains("landmark 1 of 1"));
+        assert!(other.misfit(8, &one).unwrap().contains("landmark 1 of 1"));
     }
 }

@@ -23,6 +23,14 @@ pub fn temper(probabilities: &mut [f32], exponent: f32) {
     }
 }
 
+/// The probabilities of classes, for their logits.
+pub(crate) fn softmax(logits: &[f64]) -> Vec<f64> {
+    let largest = logits.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let odds: Vec<f64> = logits.iter().map(|logit| (logit - largest).exp()).collect();
+    let total: f64 = odds.iter().sum();
+    odds.into_iter().map(|odd| odd / total).collect()
+}
+
 /// The temperature within a range at which a loss is least, by golden sections of its logarithm: the
 /// loss has one minimum in the inverse temperature.
 pub(crate) fn best_temperature(

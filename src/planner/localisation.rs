@@ -55,10 +55,6 @@ pub struct StageFilter {
     stages: Stages,
     unfit_steps: u32,
     sense: Option<StageSense>,
-    /// Stages in which the gripper holds something, where that is known.
-    holds: Vec<bool>,
-    /// What is seen of the gripper in the next step.
-    grasp: Option<GraspSight>,
     outset: Outset,
     /// Steps left in which the stage of a robot that may start anywhere is told by what is seen.
     placing_steps: u32,
@@ -99,8 +95,6 @@ impl StageFilter {
             stages,
             unfit_steps: 0,
             sense: None,
-            holds: Vec::new(),
-            grasp: None,
             outset,
             placing_steps: 0,
         };
@@ -117,7 +111,7 @@ impl StageFilter {
     }
 
     /// Knows at which states of demonstrations the gripper holds something: in a stage in which most hold, an empty
-    /// gripper then speaks against what it lets go of, see [`note_grasp`](Self::note_grasp).
+    /// gripper then speaks against what it lets go of, where [`look`](Self::look) is told of one.
     #[must_use]
     pub fn with_grasps(mut self, is_held: impl Fn(NodeId) -> bool) -> Self {
         let mut votes = vec![0_i64; self.layout.stage_count()];
@@ -126,14 +120,9 @@ impl StageFilter {
                 votes[place.stage] += if is_held(place.node) { 1 } else { -1 };
             }
         }
-        self.holds = votes.iter().map(|votes| *votes > 0).collect();
-        self.stages.know_what_holds(self.holds.clone());
+        let holds = votes.iter().map(|votes| *votes > 0);
+        self.stages.know_what_holds(holds.collect());
         self
-    }
-
-    /// What is seen of the gripper in the step that [`look`](Self::look) is called for next.
-    pub fn note_grasp(&mut self, sight: GraspSight) {
-        self.grasp = Some(sight);
     }
 
     /// Back to the beginning of the composition, for a new episode.
@@ -150,7 +139,6 @@ impl StageFilter {
         self.belief.weigh(|_| 1.0, |_| 1.0);
         self.forget_the_least();
         self.set_stage(self.outset.stage());
-        self.grasp = None;
         self.placing_steps = match self.outset {
             Outset::Anywhere => PLACING_STEPS,
             _ => 0,
@@ -247,22 +235,29 @@ impl StageFilter {
 
     /// One step on: the robot acted, and now sees something at these distances.
     pub fn update(&mut self, distances: &LiveDistances) -> Localisation {
-        self.update_with(distances, None)
+        self.update_with(distances, None, None)
     }
 
-    /// The same with the latent of what it sees, for the classifier, if there is one.
+    /// The same with the latent of what it sees, for the classifier, if there is one, and what it sees of its
+    /// gripper, if it does.
     ///
     /// # Panics
     /// If the latent is not of the length of the graph's.
-    pub fn look(&mut self, distances: &LiveDistances, latent: &[f32]) -> Localisation {
+    pub fn look(
+        &mut self,
+        distances: &LiveDistances,
+        latent: &[f32],
+        grasp: Option<GraspSight>,
+    ) -> Localisation {
         let evidence = self.sense.as_ref().map(|s| s.look(latent));
-        self.update_with(distances, evidence.as_ref())
+        self.update_with(distances, evidence.as_ref(), grasp)
     }
 
     fn update_with(
         &mut self,
         distances: &LiveDistances,
         evidence: Option<&StageEvidence>,
+        grasp: Option<GraspSight>,
     ) -> Localisation {
         self.predict(distances);
         self.weigh(distances, evidence);
@@ -274,22 +269,12 @@ impl StageFilter {
         let sensed = |of_class: fn(&StageEvidence, usize) -> f64| {
             sensed.map(|(evidence, sense)| sense.of_stages(|class| of_class(evidence, class)))
         };
-        let grasp = self.grasp.take();
-        let full_handed = |stages: Option<Vec<f64>>| {
-            let mut stages = stages?;
-            if let Some(sight) = grasp {
-                for (value, _) in stages
-                    .iter_mut()
-                    .zip(&self.holds)
-                    .filter(|(_, holds)| **holds)
-                {
-                    *value *= 1.0 - sight.empty;
-                }
-            }
-            Some(stages)
+        let full_handed = |sensed: Vec<f64>| match grasp {
+            Some(sight) => self.stages.weighed(sensed, sight),
+            None => sensed,
         };
-        let strict = full_handed(sensed(StageEvidence::support));
-        let lenient = full_handed(sensed(StageEvidence::lenient_support));
+        let strict = sensed(StageEvidence::support).map(full_handed);
+        let lenient = sensed(StageEvidence::lenient_support).map(full_handed);
         if let Some(sight) = grasp {
             self.stages.note_grasp(sight);
         }

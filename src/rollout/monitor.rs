@@ -151,11 +151,9 @@ impl<'a> Monitor<'a> {
         )
         .map_err(failed)?;
         let sense = self.model.landmarks.and_then(|book| book.grasp.as_ref());
-        if let Some(sight) = sense.and_then(|sense| sense.look(self.history.last()?)) {
-            self.filter.note_grasp(sight);
-        }
+        let grasp = sense.and_then(|sense| sense.look(self.history.last()?));
         let before = self.filter.stage();
-        let localisation = self.filter.look(&distances, latent.row(0));
+        let localisation = self.filter.look(&distances, latent.row(0), grasp);
         let events = self.events(before, &localisation);
         self.is_lost = localisation.is_lost;
         self.step += 1;

@@ -44,10 +44,10 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("clap", &["cli"]),
     ("indicatif", &["cli"]),
     ("petgraph", &["graph", "planner"]),
-    ("linfa", &["graph", "training"]),
+    ("linfa", &["graph"]),
     ("linfa_clustering", &["graph"]),
-    ("linfa_logistic", &["graph", "training"]),
-    ("ndarray", &["graph", "training"]),
+    ("linfa_logistic", &["graph"]),
+    ("ndarray", &["graph"]),
 ];
 
 fn rust_files(folder: &Path, into: &mut Vec<PathBuf>) {

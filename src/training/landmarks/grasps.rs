@@ -1,11 +1,7 @@
 //! Learns to tell an open gripper, one that closed on nothing, and one that holds something.
 
-use linfa::traits::Fit;
-use linfa::{Dataset as Labelled, ParamGuard};
-use linfa_logistic::MultiLogisticRegression;
-use ndarray::{Array1, Array2};
-
 use super::LandmarkConfig;
+use crate::graph::{Logistic, ROWS_A_CLASS, evenly};
 use crate::model::{GraspSense, grasp_values};
 use crate::task::GripperEvent;
 use crate::training::missed_grasps::{Outcome, closings};
@@ -14,14 +10,10 @@ use crate::trajectory::{CameraSpec, MountedOn, RobotGeometry};
 
 /// Side of the square of the picture that is looked at, with the gripper in its middle, beside the picture's height.
 const SIDE: f32 = 0.8;
-/// States of each class that it learns from; those of rare classes are repeated.
-const STATES_A_CLASS: usize = 300;
 /// Least states that show a gripper closed on nothing.
 const LEAST_EMPTY: usize = 10;
 /// Weight of the squared weights against the summed loss.
 const RIDGE: f64 = 3.0;
-/// Iterations of the quasi-Newton search.
-const MOST_ITERATIONS: u64 = 60;
 /// Added to the spread of a value, 0..=1, so that one that hardly changes does not count for much.
 const LEAST_SPREAD: f32 = 0.05;
 
@@ -39,38 +31,27 @@ pub(super) fn grasp_sense(
     if classes[1].len() < LEAST_EMPTY || classes[0].is_empty() || classes.len() < 3 {
         return None;
     }
-    let chosen = classes.iter().enumerate().flat_map(|(class, states)| {
-        let at = move |i: usize| (class, states[i * states.len() / STATES_A_CLASS]);
-        (0..STATES_A_CLASS).map(at)
-    });
     let (mut targets, mut rows) = (Vec::new(), Vec::new());
-    for (class, at) in chosen {
-        let image = data.observation(at).image(&camera.name).ok()?;
-        rows.push(grasp_values(image, region));
-        targets.push(class);
+    for (class, states) in classes.iter().enumerate() {
+        for at in evenly(states, ROWS_A_CLASS) {
+            let image = data.observation(at).image(&camera.name).ok()?;
+            rows.push(grasp_values(image, region));
+            targets.push(class);
+        }
     }
     let (mean, spread) = moments(&rows);
-    let records = Array2::from_shape_fn((rows.len(), mean.len()), |(i, k)| {
-        f64::from((rows[i][k] - mean[k]) / spread[k])
-    });
-    let params = MultiLogisticRegression::default()
-        .alpha(RIDGE)
-        .max_iterations(MOST_ITERATIONS)
-        .check()
-        .ok()?;
-    let fitted = params
-        .fit(&Labelled::new(records, Array1::from(targets)))
-        .ok()?;
+    let value = |row: usize, k: usize| f64::from((rows[row][k] - mean[k]) / spread[k]);
+    let fitted = Logistic::fit(mean.len(), value, targets, RIDGE).ok()?;
     let weights = (0..classes.len()).map(|class| {
-        let of_class = fitted.params().column(class);
-        let scaled = of_class.iter().zip(&spread).map(|(w, s)| *w as f32 / s);
-        scaled.collect()
+        let of_class = fitted.weights_of(class).zip(&spread);
+        of_class.map(|(w, s)| w as f32 / s).collect()
     });
+    let intercepts = (0..classes.len()).map(|class| fitted.intercept(class) as f32);
     Some(GraspSense {
         camera: camera.name.clone(),
         region,
         weights: weights.collect(),
-        intercepts: fitted.intercept().iter().map(|i| *i as f32).collect(),
+        intercepts: intercepts.collect(),
         mean,
     })
 }
@@ -106,18 +87,12 @@ fn classes(data: &Dataset, imitation: &ImitationConfig) -> Vec<Vec<StateRef>> {
             let steps = from as u32..=to.min(last) as u32;
             steps.map(move |step| StateRef { trajectory, step })
         };
-        let first = events.first().map_or(last, |(step, _)| *step);
-        if events
-            .first()
-            .is_none_or(|(_, e)| *e == GripperEvent::Close)
-        {
-            classes[0].extend(states(0, first));
-        }
-        for (place, (opened, event)) in events.iter().enumerate() {
-            if *event == GripperEvent::Open {
-                let next = events.get(place + 1).map_or(last, |(step, _)| *step);
-                classes[0].extend(states(opened + 1, next));
-            }
+        let begins_open = (events.first()).is_none_or(|(_, e)| *e == GripperEvent::Close);
+        let openings = events.iter().filter(|(_, e)| *e == GripperEvent::Open);
+        let opened = openings.map(|(step, _)| step + 1);
+        for from in begins_open.then_some(0).into_iter().chain(opened) {
+            let next = events.iter().find(|(step, _)| *step >= from);
+            classes[0].extend(states(from, next.map_or(last, |(step, _)| *step)));
         }
         for closing in closings(events, markers, imitation) {
             let opened = closing.opened.unwrap_or(last);
@@ -183,7 +158,7 @@ mod tests {
         let empty = classes(&learnt, &imitation)[1].len();
         assert!(empty >= LEAST_EMPTY, "{empty} states closed on nothing");
         let sense = grasp_sense(&learnt, &config, &imitation).expect("some close on nothing");
-        assert_eq!(sense.misfit(["wrist"].into_iter()), None);
+        assert_eq!(sense.misfit(learnt.cameras()), None);
         let other = data(17..27).unwrap();
         for (class, states) in classes(&other, &imitation).iter().enumerate() {
             let told = states.iter().map(|at| {

@@ -178,7 +178,7 @@ fn a_book_says_how_demonstrations_come_to_a_place() {
     // Two cameras of 8 values come first, and what the second sees of four landmarks comes last.
     let spec = crate::training::trained_model::spec_of(&data, &config);
     assert_eq!(spec.latent_dim, 16 + 2 * 4 * 3);
-    assert_eq!(book.misfit(spec.latent_dim, 2), None);
+    assert_eq!(book.misfit(spec.latent_dim, &spec.cameras), None);
     let mut latent = vec![0.0; spec.latent_dim];
     latent[16 + 12 + 3] = PLACE_GAIN * 0.5;
     let [x, y] = book.views[1].of(&latent, 1).pixel;

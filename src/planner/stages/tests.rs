@@ -1,0 +1,182 @@
+use super::*;
+
+/// A step of a robot that is believed at stage 0 while so much speaks for stage 3.
+fn step(stages: &mut Stages, support: f64) -> Option<StageChange> {
+    let believed = [1.0, 0.0, 0.0, 0.0];
+    let view = StageView {
+        probabilities: &believed,
+        reached: &believed,
+        support: &[0.0, 0.0, 0.0, support],
+        lenient: &[0.0, 0.0, 0.0, support],
+        sensed: None,
+    };
+    stages.vote(&FilterOptions::default(), &view)
+}
+
+#[test]
+fn a_shortcut_takes_as_long_as_it_is_doubtful_and_is_said_once() {
+    let steps = |support: f64| {
+        let mut stages = Stages::new(4, &[]);
+        (1..=50).find(|_| step(&mut stages, support).is_some())
+    };
+    assert_eq!(steps(0.9), Some(2));
+    assert_eq!(steps(0.625), Some(4));
+    assert_eq!(steps(0.5), None);
+    let mut stages = Stages::new(4, &[]);
+    let said: Vec<StageChange> = (0..20).filter_map(|_| step(&mut stages, 0.9)).collect();
+    let skipped = vec![0, 1];
+    assert_eq!(said, [StageChange::Shortcut { to: 3, skipped }]);
+    assert_eq!(stages.now, 0);
+}
+
+#[test]
+fn a_stage_that_is_all_but_certain_is_reached_though_little_fits() {
+    let steps = |reached: f64, options: &FilterOptions| {
+        let mut stages = Stages::new(3, &[]);
+        let view = [1.0 - reached, reached, 0.0];
+        let view = StageView {
+            probabilities: &view,
+            reached: &view,
+            support: &view,
+            lenient: &view,
+            sensed: None,
+        };
+        (1..=20).find(|_| stages.vote_unfit(options, &view).is_some())
+    };
+    let options = FilterOptions::default();
+    assert_eq!(steps(0.95, &options), Some(3));
+    assert_eq!(steps(0.8, &options), None);
+    let never = FilterOptions {
+        advance_votes_unfit: None,
+        ..options
+    };
+    assert_eq!(steps(0.95, &never), None);
+}
+
+#[test]
+fn a_robot_that_came_by_the_start_of_a_task_may_be_less_familiar() {
+    let steps = |passes: usize| {
+        let mut stages = Stages::new(4, &[2]);
+        let at = |stage: usize, support: &[f64; 4], stages: &mut Stages| {
+            let mut believed = [0.0; 4];
+            believed[stage] = 1.0;
+            // At stage 2 the robot is at the start of a later task and has reached nothing.
+            let reached = if stage == 2 { [0.0; 4] } else { believed };
+            let view = StageView {
+                probabilities: &believed,
+                reached: &reached,
+                support: &[0.0; 4],
+                lenient: support,
+                sensed: None,
+            };
+            stages.vote(&FilterOptions::default(), &view)
+        };
+        for _ in 0..passes {
+            at(2, &[0.0; 4], &mut stages);
+        }
+        let mut seen = (1..=20).map(|_| at(3, &[0.0, 0.0, 0.0, 0.9], &mut stages));
+        seen.position(|change| matches!(change, Some(StageChange::Shortcut { to: 3, .. })))
+    };
+    assert_eq!(steps(9), Some(1));
+    assert_eq!(steps(0), None);
+}
+
+#[test]
+fn what_was_believed_and_never_seen_is_due_once_a_later_task_is_seen() {
+    let run = |seen_before: f64, starts: &[usize], accept: bool| {
+        let mut stages = Stages::new(5, starts);
+        if accept {
+            stages.accept(1);
+        }
+        let believe = |stage: usize, sensed: f64, stages: &mut Stages| {
+            let (mut believed, mut seen) = ([0.0; 5], [0.0; 5]);
+            (believed[stage], seen[stage]) = (1.0, sensed);
+            let view = StageView {
+                probabilities: &believed,
+                reached: &believed,
+                support: &seen,
+                lenient: &seen,
+                sensed: Some(&seen),
+            };
+            stages.vote(&FilterOptions::default(), &view)
+        };
+        for _ in 0..5 {
+            believe(1, seen_before, &mut stages);
+        }
+        for _ in 0..5 {
+            believe(2, 0.0, &mut stages);
+        }
+        let said = (0..9).filter_map(|_| believe(3, 0.9, &mut stages));
+        (said.collect::<Vec<_>>(), stages.now)
+    };
+    let advanced = StageChange::Advanced { to: 3 };
+    let skipped = vec![0];
+    let overlooked = StageChange::Shortcut { to: 3, skipped };
+    assert_eq!(run(0.9, &[2], false), (vec![advanced.clone()], 3));
+    assert_eq!(
+        run(0.1, &[2], false),
+        (vec![advanced.clone(), overlooked], 0)
+    );
+    assert_eq!(
+        run(0.1, &[], false),
+        (vec![advanced.clone()], 3),
+        "the same task"
+    );
+    assert_eq!(
+        run(0.1, &[2], true),
+        (vec![advanced], 3),
+        "taken as reached"
+    );
+}
+
+#[test]
+fn what_an_empty_gripper_let_go_of_is_due_once_a_later_task_is_seen() {
+    let run = |seen: [GraspSight; 2]| {
+        let mut stages = Stages::new(4, &[2]);
+        stages.know_what_holds(vec![false, true, false, true]);
+        stages.accept(1);
+        let believe = |stage: usize, stages: &mut Stages| {
+            let mut believed = [0.0; 4];
+            believed[stage] = 1.0;
+            let view = StageView {
+                probabilities: &believed,
+                reached: &believed,
+                support: &believed,
+                lenient: &believed,
+                sensed: None,
+            };
+            stages.vote(&FilterOptions::default(), &view)
+        };
+        for sight in seen {
+            for _ in 0..3 {
+                stages.note_grasp(sight);
+                believe(1, &mut stages);
+            }
+        }
+        for _ in 0..3 {
+            believe(2, &mut stages);
+        }
+        (0..9)
+            .filter_map(|_| believe(3, &mut stages))
+            .collect::<Vec<_>>()
+    };
+    let sight = |open, empty, held| GraspSight { open, empty, held };
+    let (empty, held) = (sight(0.0, 0.95, 0.05), sight(0.0, 0.1, 0.9));
+    let unsure = sight(0.1, 0.6, 0.3);
+    let advanced = StageChange::Advanced { to: 3 };
+    let skipped = vec![1];
+    let hollow = StageChange::Shortcut { to: 3, skipped };
+    assert_eq!(run([held, empty]), [advanced.clone(), hollow]);
+    let advanced = [advanced];
+    assert_eq!(run([empty, held]), advanced);
+    assert_eq!(run([held, unsure]), advanced);
+}
+
+#[test]
+fn what_flickers_is_no_shortcut() {
+    let mut stages = Stages::new(4, &[]);
+    for i in 0..50 {
+        let support = if i % 2 == 0 { 0.9 } else { 0.0 };
+        assert_eq!(step(&mut stages, support), None);
+    }
+}
