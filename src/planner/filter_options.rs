@@ -22,6 +22,9 @@ pub struct FilterOptions {
     pub classifier_weight: f64,
     /// Least probability that the classifier is taken to give a stage.
     pub classifier_floor: f64,
+    /// Power that the likelihood of what is seen of the gripper is raised to, by a model that has a sense of grasps; 0
+    /// leaves it out.
+    pub grasp_weight: f64,
     /// Probability that the next stage must have for a vote to go there.
     pub advance_mass: f64,
     /// Votes in a row until the stage advances.
@@ -33,6 +36,9 @@ pub struct FilterOptions {
     pub regress_mass: f64,
     /// Votes in a row until the stage falls back (what was held has slipped); `None`: never.
     pub regress_votes: Option<u32>,
+    /// Whether the stage falls back as soon as a gripper that should hold something is seen to be empty, by a model
+    /// that has a sense of grasps.
+    pub regress_when_empty: bool,
     /// By how many subgoals the stage may fall back at once. What the robot holds it can lose, which
     /// undoes one subgoal; what it put away before stays there, however much the room looks as it did.
     pub regress_stages: usize,
@@ -59,11 +65,13 @@ impl Default for FilterOptions {
             floor: 1e-3,
             classifier_weight: 0.5,
             classifier_floor: 0.02,
+            grasp_weight: 0.5,
             advance_mass: 0.6,
             advance_votes: 2,
             advance_votes_unfit: Some(3),
             regress_mass: 0.85,
             regress_votes: Some(4),
+            regress_when_empty: true,
             regress_stages: 1,
             lost_probability: 0.2,
             lost_patience: 4,

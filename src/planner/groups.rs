@@ -53,6 +53,12 @@ impl Groups {
         self.sizes.len()
     }
 
+    /// A share of the belief for each place of a group: all places of one stage alike, and little to those of others.
+    pub(super) fn all_of(&self, stage: usize, others: f64) -> Vec<f64> {
+        let of_stage = |of: &usize| f64::from(u8::from(*of == stage)) + others;
+        self.stages.iter().map(of_stage).collect()
+    }
+
     pub(super) fn of(&self, place: PlaceId) -> usize {
         self.of_place[place.index()] as usize
     }

@@ -1,6 +1,8 @@
 use std::sync::Arc;
 
 use super::belief::Belief;
+use super::evidence::{likelihood, support};
+use super::grips::Grips;
 use super::groups::Groups;
 use super::motion::Motion;
 use super::outset::Outset;
@@ -55,6 +57,7 @@ pub struct StageFilter {
     stages: Stages,
     unfit_steps: u32,
     sense: Option<StageSense>,
+    grips: Option<Grips>,
     outset: Outset,
     /// Steps left in which the stage of a robot that may start anywhere is told by what is seen.
     placing_steps: u32,
@@ -95,6 +98,7 @@ impl StageFilter {
             stages,
             unfit_steps: 0,
             sense: None,
+            grips: None,
             outset,
             placing_steps: 0,
         };
@@ -110,18 +114,15 @@ impl StageFilter {
         self
     }
 
-    /// Knows at which states of demonstrations the gripper holds something: in a stage in which most hold, an empty
-    /// gripper then speaks against what it lets go of, where [`look`](Self::look) is told of one.
+    /// Knows at which states of demonstrations the gripper is closed: weighs places by what is seen of it, where
+    /// [`look`](Self::look) is told. In a stage in which it is closed at most states it holds something, and an empty
+    /// one speaks against what it lets go of.
     #[must_use]
-    pub fn with_grasps(mut self, is_held: impl Fn(NodeId) -> bool) -> Self {
-        let mut votes = vec![0_i64; self.layout.stage_count()];
-        for (id, place) in (0..).map(PlaceId).zip(self.layout.places()) {
-            if !self.layout.is_at_start(id) {
-                votes[place.stage] += if is_held(place.node) { 1 } else { -1 };
-            }
-        }
-        let holds = votes.iter().map(|votes| *votes > 0);
-        self.stages.know_what_holds(holds.collect());
+    pub fn with_grasps(mut self, is_closed: impl Fn(NodeId) -> bool) -> Self {
+        let grips = Grips::new(&self.layout, is_closed);
+        self.stages
+            .know_what_holds(grips.stages_that_hold().to_vec());
+        self.grips = Some(grips);
         self
     }
 
@@ -260,7 +261,7 @@ impl StageFilter {
         grasp: Option<GraspSight>,
     ) -> Localisation {
         self.predict(distances);
-        self.weigh(distances, evidence);
+        self.weigh(distances, evidence, grasp);
         self.forget_the_least();
         let stage_probabilities = self.stage_probabilities();
         let reached = self.reached_probabilities();
@@ -295,6 +296,9 @@ impl StageFilter {
         } else {
             self.stages.vote(&self.options, &view)
         };
+        if let Some(StageChange::Dropped { to }) = change {
+            self.spread_over(to);
+        }
         self.unfit_steps = if is_unfit { self.unfit_steps + 1 } else { 0 };
         self.localise(fit, stage_probabilities, change)
     }
@@ -324,12 +328,11 @@ impl StageFilter {
             }
         }
         if is_lost {
-            // Any state of the current stage is as likely as any other: a belief that moved on without
-            // evidence would lead a lost robot through the task with closed eyes.
-            let of_stage = |stage: &usize| f64::from(u8::from(*stage == self.stages.now));
-            let a_place = groups.stages.iter().map(of_stage);
-            let a_place: Vec<f64> = a_place.map(|mass| mass + self.options.restart).collect();
-            next.add_evenly(groups, &a_place);
+            // A belief that moved on without evidence would lead a lost robot through the task with closed eyes.
+            next.add_evenly(
+                groups,
+                &groups.all_of(self.stages.now, self.options.restart),
+            );
             next.sort();
         } else {
             let motion = &self.motion;
@@ -338,31 +341,53 @@ impl StageFilter {
         std::mem::swap(&mut self.belief, &mut self.spare);
     }
 
+    /// Believes any state of a stage to be as likely as any other.
+    fn spread_over(&mut self, stage: usize) {
+        let groups = &self.groups;
+        self.belief.clear(groups);
+        self.belief.list_all(groups);
+        let of_stage = groups.all_of(stage, self.options.restart);
+        self.belief.add_evenly(groups, &of_stage);
+        self.belief.weigh(|_| 1.0, |_| 1.0);
+        self.forget_the_least();
+    }
+
     /// Weighs the belief by how near each place seems, and by the stage that the classifier sees.
-    fn weigh(&mut self, distances: &LiveDistances, evidence: Option<&StageEvidence>) {
+    fn weigh(
+        &mut self,
+        distances: &LiveDistances,
+        evidence: Option<&StageEvidence>,
+        grasp: Option<GraspSight>,
+    ) {
         let lowest = self.lowest_stage();
+        let is_empty = |stage| grasp.is_some_and(|sight| self.stages.is_ruled_out(stage, sight));
+        let is_out: Vec<bool> = (0..self.layout.stage_count())
+            .map(|stage| stage < lowest || is_empty(stage))
+            .collect();
         let (layout, groups, options) = (&self.layout, &self.groups, &self.options);
         let unknown = likelihood(options, None, None);
+        let grips = self.grips.as_ref().zip(grasp);
         let sensed = evidence.zip(self.sense.as_ref());
         let weights = sensed.map(|(evidence, sense)| sense.weights(options, evidence));
         let stages: Vec<f64> = (0..layout.stage_count())
             .map(|stage| match &weights {
-                _ if stage < lowest => 0.0,
+                _ if is_out[stage] => 0.0,
                 None => unknown,
                 Some(weights) => unknown * weights.of_stage(stage),
             })
             .collect();
         self.belief.weigh(
-            |place| {
-                let place = layout.place(place);
-                if place.stage < lowest {
+            |id| {
+                let place = layout.place(id);
+                if is_out[place.stage] {
                     return 0.0;
                 }
                 let near = match (distances.to(place.node), distances.from(place.node)) {
                     (None, None) => unknown,
                     (to, from) => likelihood(options, to, from),
                 };
-                near * weights.as_ref().map_or(1.0, |w| w.of_state(place.node))
+                let grip = grips.map_or(1.0, |(grips, sight)| grips.likelihood(id, options, sight));
+                near * grip * weights.as_ref().map_or(1.0, |w| w.of_state(place.node))
             },
             |group| stages[groups.stages[group]],
         );
@@ -438,31 +463,4 @@ impl StageFilter {
             change,
         }
     }
-}
-
-/// What speaks for each stage to be reached: that it is believed, and that the classifier sees it or, where
-/// there is none, that the robot sees what it should.
-fn support(reached: &[f64], sensed: Option<&[f64]>, fit: f64) -> Vec<f64> {
-    let seen = |stage: usize| sensed.map_or(fit, |sensed| sensed[stage]);
-    let stages = reached.iter().enumerate();
-    stages
-        .map(|(stage, believed)| believed * seen(stage))
-        .collect()
-}
-
-/// How well the distances from and to a state fit with the robot being at it: both are one step
-/// for the state itself, and more or less so for its neighbours.
-fn likelihood(options: &FilterOptions, to: Option<&[f32]>, from: Option<&[f32]>) -> f64 {
-    let near = |row: Option<&[f32]>| {
-        let Some(row) = row else { return 0.0 };
-        let mut weight = 1.0;
-        let mut sum = 0.0;
-        for p in &row[..row.len() - 1] {
-            sum += weight * f64::from(*p);
-            weight *= 0.4;
-        }
-        sum
-    };
-    let both = (options.floor + near(to)) * (options.floor + near(from));
-    both.powf(options.evidence_weight)
 }

@@ -20,6 +20,11 @@ pub enum StageChange {
         /// The new stage.
         to: usize,
     },
+    /// The gripper that should hold something is seen to be empty: what it held is to be grasped again.
+    Dropped {
+        /// The new stage.
+        to: usize,
+    },
     /// A later subgoal is seen to be reached without earlier ones. The stage stays, or falls back to the first of
     /// these where it was believed to be reached; set it with
     /// [`StageFilter::set_stage`](super::StageFilter::set_stage) to accept what was skipped.
@@ -177,6 +182,9 @@ impl Stages {
     ) -> Option<StageChange> {
         self.votes.unfit = 0;
         self.note(view);
+        if let Some(change) = self.dropped(options) {
+            return Some(change);
+        }
         let probabilities = view.probabilities;
         let behind: f64 = probabilities[..self.now].iter().sum();
         let ahead: f64 = probabilities[self.now + 1..].iter().sum();
@@ -214,6 +222,9 @@ impl Stages {
         options: &FilterOptions,
         view: &StageView<'_>,
     ) -> Option<StageChange> {
+        if let Some(change) = self.dropped(options) {
+            return Some(change);
+        }
         let to = self.now + 1;
         let reached = view.reached.get(to).copied().unwrap_or(0.0);
         self.votes.unfit = if reached >= CERTAIN {
@@ -229,6 +240,23 @@ impl Stages {
         }
         self.set(to);
         Some(StageChange::Advanced { to })
+    }
+
+    /// Back to the stage in which what an empty gripper should hold is grasped.
+    fn dropped(&mut self, options: &FilterOptions) -> Option<StageChange> {
+        let is_dropped = options.regress_when_empty && self.grip.should_hold_and_is_empty(self.now);
+        let lowest = self.now.saturating_sub(options.regress_stages);
+        let to = (lowest..self.now)
+            .rfind(|stage| !self.grip.holds(*stage))
+            .filter(|_| is_dropped)?;
+        self.set(to);
+        self.grip.stay_empty();
+        Some(StageChange::Dropped { to })
+    }
+
+    /// Whether a stage is out of question, since the gripper should hold something there and was seen to be empty.
+    pub(super) fn is_ruled_out(&self, stage: usize, sight: GraspSight) -> bool {
+        self.grip.is_ruled_out(stage, sight)
     }
 
     /// A later subgoal that is seen to be reached, when enough speaks for it over some steps.

@@ -1,14 +1,16 @@
 mod demonstrated;
 mod keys;
+mod misses;
+mod seen;
 mod ways;
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 
 use nalgebra::Point3;
 
 use demonstrated::Demonstrated;
 use keys::Keys;
+use seen::Seen;
 
 use super::place::{Sighting, place_of};
 use crate::graph::Node;
@@ -28,14 +30,18 @@ pub(super) struct Approach {
     shown: Arc<Demonstrated>,
     posture: Posture,
     is_closed: bool,
-    /// What was lately seen of each landmark, picture by picture.
-    seen: Vec<VecDeque<Vec<Sighting>>>,
+    /// What was lately seen of each landmark.
+    seen: Vec<Seen>,
     /// Steps of this stage in which the robot was led.
     led_steps: usize,
     /// Closings of this stage to which it was led.
     closings: usize,
     /// Steps since the gripper closed.
     closed_steps: u32,
+    /// Looks in a row, since the gripper closed, that showed it empty.
+    empty_looks: usize,
+    /// Closings of this stage that were seen to hold nothing.
+    misses: usize,
     /// The landmark at which the gripper is about to close.
     closing: Option<usize>,
     /// What is still to be done of what follows a closing, the next last.
@@ -50,8 +56,6 @@ const OPENING_REMEMBERED: usize = 12;
 const LEAST_PEAK: f32 = 0.05;
 /// Sureness from which it counts in full.
 const FULL_PEAK: f32 = 0.2;
-/// Least weight of all sightings together.
-const LEAST_WEIGHT: f32 = 0.5;
 /// Largest median error of a landmark that is approached.
 const LARGEST_ERROR_PIXELS: f32 = 12.0;
 /// Steps before an event from which on the robot is led.
@@ -85,10 +89,12 @@ impl Approach {
             cameras: cameras.to_vec(),
             posture: book.robot.at_start(),
             is_closed: false,
-            seen: vec![VecDeque::new(); book.landmarks.len()],
+            seen: vec![Seen::default(); book.landmarks.len()],
             led_steps: 0,
             closings: 0,
             closed_steps: 0,
+            empty_looks: 0,
+            misses: 0,
             closing: None,
             departure: Vec::new(),
             book: Arc::clone(book),
@@ -99,26 +105,29 @@ impl Approach {
     pub(super) fn reset(&mut self) {
         self.posture = self.book.robot.at_start();
         self.is_closed = false;
-        self.seen.iter_mut().for_each(VecDeque::clear);
+        self.seen.iter_mut().for_each(Seen::clear);
         (self.closing, self.departure) = (None, Vec::new());
         self.enter();
     }
 
     /// A new stage.
     pub(super) fn enter(&mut self) {
-        (self.led_steps, self.closings) = (0, 0);
+        (self.led_steps, self.closings, self.misses) = (0, 0, 0);
     }
 
     /// An action was carried out, and something moved.
     pub(super) fn note(&mut self, class: usize) {
         if Some(class) == self.keys.close {
             self.is_closed = true;
-            self.closed_steps = 0;
+            (self.closed_steps, self.empty_looks) = (0, 0);
             if let Some(number) = self.closing.take() {
                 self.departure = self.shown.departure(number).iter().rev().copied().collect();
             }
         } else if Some(class) == self.keys.open {
             self.is_closed = false;
+        }
+        if self.keys.is_of_base(class) {
+            self.seen.iter_mut().for_each(Seen::base_moved);
         }
         if let Some(name) = self.keys.names.get(class) {
             self.posture = self.book.robot.after(&self.posture, name);
@@ -150,10 +159,7 @@ impl Approach {
                     weight: (sight.peak / FULL_PEAK).min(1.0),
                 })
             });
-            seen.push_back(sightings.collect());
-            if seen.len() > remembered {
-                seen.pop_front();
-            }
+            seen.add(sightings.collect(), remembered);
         }
     }
 
@@ -303,12 +309,13 @@ impl Approach {
     /// Where a landmark is, in the base's frame.
     fn place(&self, number: usize) -> Option<Point3<f32>> {
         let landmark = &self.book.landmarks[number];
-        let seen = &self.seen[number];
-        let sightings: Vec<Sighting> = seen.iter().flatten().copied().collect();
-        if sightings.iter().map(|s| s.weight).sum::<f32>() < LEAST_WEIGHT {
-            return None;
-        }
-        let place = place_of(&sightings, landmark.height_m, landmark.height_spread_m)?;
+        let sightings = self.seen[number].sightings()?;
+        let spread_m = if landmark.closes {
+            self.keys.height_spread_m(landmark.height_spread_m)
+        } else {
+            landmark.height_spread_m
+        };
+        let place = place_of(&sightings, landmark.height_m, spread_m)?;
         Some(self.posture.in_base(&place))
     }
 

@@ -153,6 +153,7 @@ impl<'a> Controller<'a> {
         let Sight {
             latent,
             distances,
+            grasp,
             localisation,
             mut events,
             encode_ms,
@@ -161,6 +162,9 @@ impl<'a> Controller<'a> {
         self.run.distances = distances;
         if let Some(approach) = &mut self.approach {
             approach.look(latent.row(0));
+            if let Some(sight) = grasp {
+                approach.feel(sight);
+            }
         }
         let mut watch = Watch::start();
         if let Some(end) = self.note_change(&localisation) {
@@ -216,6 +220,13 @@ impl<'a> Controller<'a> {
             None | Some(StageChange::Ahead { .. }) => None,
             Some(StageChange::Advanced { .. } | StageChange::Regressed { .. }) => {
                 self.enter_stage();
+                None
+            }
+            Some(StageChange::Dropped { .. }) => {
+                self.enter_stage();
+                if let Some(approach) = &mut self.approach {
+                    approach.let_go();
+                }
                 None
             }
             Some(StageChange::Shortcut { to, .. }) => match self.options.on_shortcut {

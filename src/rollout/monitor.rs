@@ -4,7 +4,7 @@ use super::nearby::Nearby;
 use super::running::Watch;
 use super::{Event, RolloutError, RolloutModel, RolloutOptions};
 use crate::graph::NodeId;
-use crate::model::{Latents, ModelError, Projections};
+use crate::model::{GraspSight, Latents, ModelError, Projections};
 use crate::planner::{LiveDistances, Localisation, Planner, StageChange, StageFilter};
 use crate::task::Subgoal;
 use crate::trajectory::{Observation, State};
@@ -34,6 +34,8 @@ pub struct Sight {
     pub latent: Latents,
     /// Predicted steps between the current state and those of the graph.
     pub distances: LiveDistances,
+    /// What is seen of the gripper, by a model that has a sense of grasps.
+    pub grasp: Option<GraspSight>,
     /// Where the robot is believed to be.
     pub localisation: Localisation,
     /// What happened.
@@ -160,6 +162,7 @@ impl<'a> Monitor<'a> {
         Ok(Sight {
             latent,
             distances,
+            grasp,
             localisation,
             events,
             encode_ms,
@@ -195,11 +198,13 @@ impl<'a> Monitor<'a> {
                     confidence: confidence(stage),
                 }));
             }
-            Some(StageChange::Regressed { to }) => events.push(Event::SetBack {
-                step,
-                stage: *to,
-                subgoal: subgoals[*to].clone(),
-            }),
+            Some(StageChange::Regressed { to } | StageChange::Dropped { to }) => {
+                events.push(Event::SetBack {
+                    step,
+                    stage: *to,
+                    subgoal: subgoals[*to].clone(),
+                });
+            }
             Some(StageChange::Shortcut { to, skipped }) => events.push(Event::Shortcut {
                 step,
                 subgoal: subgoals[to - 1].clone(),

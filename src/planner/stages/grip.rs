@@ -6,6 +6,9 @@ const DOUBT: f64 = 0.7;
 /// ... and together must come to so much.
 const CONVINCED: f64 = 0.4;
 
+/// Probability of holding something from which an empty gripper may be on the way to no longer being it.
+const HELD: f64 = 0.5;
+
 /// Whether the gripper holds something in the stages in which it should.
 #[derive(Clone, Debug)]
 pub(super) struct Grip {
@@ -27,9 +30,29 @@ impl Grip {
         }
     }
 
+    /// Whether it should hold something in a stage.
+    pub(super) fn holds(&self, stage: usize) -> bool {
+        self.holds[stage]
+    }
+
+    /// Whether it should hold something in a stage and was seen not to.
+    pub(super) fn should_hold_and_is_empty(&self, stage: usize) -> bool {
+        self.is_empty && self.holds[stage]
+    }
+
+    /// Whether it should hold something in a stage, was seen not to, and is not seen to do so now.
+    pub(super) fn is_ruled_out(&self, stage: usize, sight: GraspSight) -> bool {
+        self.should_hold_and_is_empty(stage) && sight.held < HELD
+    }
+
+    /// Remembers in a stage in which it need not hold anything that it is empty, until it is seen to hold something.
+    pub(super) fn stay_empty(&mut self) {
+        self.is_empty = true;
+    }
+
     /// Notes what is seen of it in a stage.
     pub(super) fn note(&mut self, stage: usize, sight: GraspSight) {
-        if !self.holds[stage] {
+        if !self.holds[stage] && !self.is_empty {
             return;
         }
         if self.empty.add(sight.empty) {

@@ -131,6 +131,10 @@ fn what_was_believed_and_never_seen_is_due_once_a_later_task_is_seen() {
 
 #[test]
 fn what_an_empty_gripper_let_go_of_is_due_once_a_later_task_is_seen() {
+    let options = FilterOptions {
+        regress_when_empty: false,
+        ..FilterOptions::default()
+    };
     let run = |seen: [GraspSight; 2]| {
         let mut stages = Stages::new(4, &[2]);
         stages.know_what_holds(vec![false, true, false, true]);
@@ -145,7 +149,7 @@ fn what_an_empty_gripper_let_go_of_is_due_once_a_later_task_is_seen() {
                 lenient: &believed,
                 sensed: None,
             };
-            stages.vote(&FilterOptions::default(), &view)
+            stages.vote(&options, &view)
         };
         for sight in seen {
             for _ in 0..3 {
@@ -179,4 +183,46 @@ fn what_flickers_is_no_shortcut() {
         let support = if i % 2 == 0 { 0.9 } else { 0.0 };
         assert_eq!(step(&mut stages, support), None);
     }
+}
+
+#[test]
+fn an_empty_gripper_falls_back_at_once_and_its_stage_is_out_of_question_until_it_holds_something() {
+    let sight = |empty: f64| GraspSight {
+        open: 0.0,
+        empty,
+        held: 1.0 - empty,
+    };
+    let (empty, held) = (sight(0.95), sight(0.05));
+    let believed = [0.0, 1.0, 0.0];
+    let view = StageView {
+        probabilities: &believed,
+        reached: &believed,
+        support: &believed,
+        lenient: &believed,
+        sensed: None,
+    };
+    let run = |options: &FilterOptions| {
+        let mut stages = Stages::new(3, &[]);
+        stages.know_what_holds(vec![false, true, false]);
+        stages.accept(1);
+        let mut look = |sight| {
+            stages.note_grasp(sight);
+            stages.vote(options, &view)
+        };
+        let changes = [held, empty, empty].map(&mut look);
+        (changes, stages)
+    };
+    let options = FilterOptions::default();
+    let (changes, mut stages) = run(&options);
+    assert_eq!(changes, [None, None, Some(StageChange::Dropped { to: 0 })]);
+    assert!(stages.is_ruled_out(1, empty) && !stages.is_ruled_out(2, empty));
+    assert!(!stages.is_ruled_out(1, held), "it seems to hold something");
+    stages.note_grasp(held);
+    stages.note_grasp(held);
+    assert!(!stages.is_ruled_out(1, empty), "it held something since");
+    let never = FilterOptions {
+        regress_when_empty: false,
+        ..options
+    };
+    assert_eq!(run(&never).0, [None, None, None]);
 }

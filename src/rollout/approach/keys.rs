@@ -62,6 +62,21 @@ impl Keys {
         Some(keys)
     }
 
+    /// How much the heights of a place differ, given those of the gripper there: what is less than a step of the arm
+    /// says nothing of the place.
+    pub(super) fn height_spread_m(&self, of_gripper_m: f32) -> f32 {
+        let step = self.axes[2][1].map_or(0.0, |(_, step)| step);
+        (of_gripper_m * of_gripper_m - step * step).max(0.0).sqrt()
+    }
+
+    /// Whether a class moves the base.
+    pub(super) fn is_of_base(&self, class: usize) -> bool {
+        let drives = self.drives.iter().flatten().map(|(class, _)| class);
+        drives
+            .chain(self.turns.iter().flatten())
+            .any(|c| *c == class)
+    }
+
     /// Whether a class moves the arm or the gripper.
     pub(super) fn is_of_arm(&self, class: usize) -> bool {
         let axes = self.axes.iter().chain([&self.tilts]).flatten().flatten();

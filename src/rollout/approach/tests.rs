@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::model::{Landmark, LandmarkView};
+use crate::model::{GraspSight, Landmark, LandmarkView};
 use crate::trajectory::RobotGeometry;
 
 const NAMES: [&str; 11] = [
@@ -376,4 +376,86 @@ fn a_gripper_that_is_low_rises_before_it_goes_over_its_place() {
     approach.note(class("end_effector_down"));
     let next = approach.next(&goal(1), |_| false);
     assert_eq!(next, Some(class("end_effector_up")));
+}
+
+#[test]
+fn a_gripper_as_high_as_it_gets_goes_across_as_low_as_it_is() {
+    let mut approach = approach(landmark(true, [0.0, 0.0, -1.0]));
+    let place = Point3::new(0.42, -0.09, 0.3);
+    approach.note(class("end_effector_down"));
+    approach.look(&latent(&approach, &place));
+    let mut next = |blocked: &[&str]| {
+        let is_blocked = |c: usize| blocked.contains(&NAMES[c]);
+        approach.next(&goal(8), is_blocked).map(|c| NAMES[c])
+    };
+    assert_eq!(next(&[]), Some("end_effector_up"));
+    assert_eq!(next(&["end_effector_up"]), Some("end_effector_right"));
+}
+
+#[test]
+fn the_base_is_driven_up_where_the_arm_would_reach_too_far_and_the_gripper_is_not_driven_into_the_thing()
+ {
+    let next = |direction, x: f32| {
+        let mut approach = approach(landmark(true, direction));
+        let [gripper_x, _, z] = approach.posture.gripper_m();
+        assert!((gripper_x - 0.36).abs() < 1e-6);
+        for _ in 0..5 {
+            approach.note(class("end_effector_forward"));
+        }
+        let height_m = if direction[0] > 0.5 { z } else { z - 0.1 };
+        approach.book = Arc::new(LandmarkBook {
+            landmarks: vec![Landmark {
+                height_m,
+                ..approach.book.landmarks[0].clone()
+            }],
+            ..(*approach.book).clone()
+        });
+        approach.look(&latent(&approach, &Point3::new(x, 0.0, height_m)));
+        approach.next(&goal(8), |_| false).map(|c| NAMES[c])
+    };
+    let (ahead, above) = ([1.0, 0.0, 0.0], [0.0, 0.0, -1.0]);
+    assert_eq!(next(above, 0.65), Some("base_forward"));
+    assert_eq!(next(ahead, 0.65), Some("base_forward"));
+    assert_eq!(next(ahead, 0.63), Some("base_forward"), "0.12 m are left");
+    assert_eq!(next(ahead, 0.62), Some("end_effector_backward"));
+    assert_ne!(next(above, 0.6), Some("base_forward"), "it reaches there");
+}
+
+#[test]
+fn a_closing_that_is_seen_to_hold_nothing_is_tried_again_a_step_farther() {
+    let actions = ["gripper_close", "end_effector_up", "base_backward"];
+    let after = |sights: &[f64]| {
+        let made = landmark(true, [1.0, 0.0, 0.0]);
+        let mut approach = shown(&actions, vec![(0, 0)], vec![made]);
+        approach.chosen(class("gripper_close"), &goal(0));
+        approach.note(class("gripper_close"));
+        for empty in sights {
+            let (open, held) = (0.0, 1.0 - empty);
+            let empty = *empty;
+            approach.feel(GraspSight { open, empty, held });
+        }
+        let next = approach.depart(|_| false).map(|c| NAMES[c]);
+        let place = Point3::new(0.5, 0.0, 0.3);
+        let tried = approach.tried(&approach.book.landmarks[0], &place);
+        (next, ((tried.x - place.x) * 100.0).round())
+    };
+    assert_eq!(after(&[0.9, 0.9]), (Some("gripper_open"), 3.0));
+    assert_eq!(after(&[0.9, 0.1, 0.9]), (Some("end_effector_up"), 0.0));
+    assert_eq!(after(&[0.6, 0.6, 0.6]), (Some("end_effector_up"), 0.0));
+}
+
+#[test]
+fn a_base_that_was_stopped_does_not_spoil_where_a_place_is() {
+    let mut approach = approach(landmark(true, [1.0, 0.0, 0.0]));
+    let look = |approach: &mut Approach, x: f32| {
+        approach.look(&latent(approach, &Point3::new(x, 0.0, 0.3)));
+    };
+    (0..4).for_each(|_| look(&mut approach, 0.7));
+    approach.note(class("base_forward"));
+    // It got half as far as it was sent, 0.1 m.
+    let at = |approach: &Approach| (approach.place(0).unwrap().x * 100.0).round();
+    assert_eq!(at(&approach), 60.0);
+    let seen_from_there = Point3::new(0.75, 0.0, 0.3);
+    approach.look(&latent(&approach, &seen_from_there));
+    assert_eq!(at(&approach), 65.0);
 }

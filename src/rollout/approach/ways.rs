@@ -111,6 +111,38 @@ impl Approach {
         if most - least > wide { 0.0 } else { wide }
     }
 
+    /// The base ahead, where the arm would have to reach farther than in demonstrations; the gripper back first, where it
+    /// would be driven into the thing.
+    fn drive_up(
+        &self,
+        landmark: &Landmark,
+        place: &Point3<f32>,
+        from: &Vector3<f32>,
+        free: impl Fn(usize) -> Option<usize>,
+    ) -> Option<usize> {
+        let (class, drive_m) = self.keys.drives[1]?;
+        let [least, most] = landmark.reach_m[0];
+        let step = self.keys.axes[0][1].map_or(0.0, |(_, step)| step);
+        let is_far = place.x > most + NEAR_STEPS * step && from.norm() < FAR_FROM_M;
+        if !is_far || place.x - drive_m <= least - REACH_M {
+            return None;
+        }
+        let drive = free(class)?;
+        let approach = Vector3::from(landmark.approach);
+        let ahead = -from.dot(&approach);
+        let main = approach.iamax();
+        let back = self.keys.axes[main][usize::from(approach[main] < 0.0)];
+        let room = if main == 0 {
+            drive_m + NEAR_STEPS * step
+        } else {
+            landmark.clearance_m - 0.5 * step
+        };
+        if ahead < room {
+            return back.and_then(|(class, _)| free(class));
+        }
+        Some(drive)
+    }
+
     /// The gripper to a place at which it is to close: into line with it, then straight to it, and then it closes. The base
     /// is driven up or turned where the arm does not reach.
     pub(super) fn towards(
@@ -119,18 +151,17 @@ impl Approach {
         place: &Point3<f32>,
         is_blocked: impl Fn(usize) -> bool,
     ) -> Option<usize> {
+        let place = &self.tried(landmark, place);
         let is_within = |axis: usize| {
             let [least, most] = landmark.reach_m[axis];
             (least - REACH_M..=most + REACH_M).contains(&place[axis])
         };
         let free = |class: usize| (!is_blocked(class)).then_some(class);
         let from = Point3::from(self.posture.gripper_m()) - place;
-        if let Some((class, drive_m)) = self.keys.drives[1] {
-            let [least, most] = landmark.reach_m[0];
-            let is_far = place.x > most + REACH_M && from.norm() < FAR_FROM_M;
-            if is_far && place.x - drive_m > least - REACH_M {
-                return free(class);
-            }
+        if is_within(1)
+            && let Some(class) = self.drive_up(landmark, place, &from, free)
+        {
+            return Some(class);
         }
         if !is_within(1) && from.norm() < FAR_FROM_M {
             let has_room = -from.x > landmark.clearance_m;
@@ -167,8 +198,16 @@ impl Approach {
             {
                 return Some(back);
             }
-            if !is_low {
-                return free(class);
+            // Where it cannot go higher it goes across as low as it is: ahead and back again would have no end.
+            let is_as_high_as_it_gets = off.abs() > most * step && is_too_near;
+            if !is_low || is_as_high_as_it_gets {
+                if let Some(class) = free(class) {
+                    return Some(class);
+                }
+                // An arm that gets no nearer here may get there on the way.
+                if off.abs() > ASIDE_STEPS * step {
+                    return None;
+                }
             }
         }
         let event = self.keys.close.and_then(free);
