@@ -241,7 +241,7 @@ impl Approach {
         }
         let place = self.sure_place(number)?;
         let class = if landmark.closes {
-            self.towards(landmark, &place, is_blocked)
+            self.towards(number, &place, is_blocked)
         } else {
             self.over(number, &place, is_blocked)
         }?;

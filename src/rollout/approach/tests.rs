@@ -395,8 +395,9 @@ fn a_gripper_as_high_as_it_gets_goes_across_as_low_as_it_is() {
 #[test]
 fn the_base_is_driven_up_where_the_arm_would_reach_too_far_and_the_gripper_is_not_driven_into_the_thing()
  {
-    let next = |direction, x: f32| {
-        let mut approach = approach(landmark(true, direction));
+    let next = |direction, departure, x: f32| {
+        let actions = [&["base_backward"; 12][..], &["gripper_close", departure]].concat();
+        let mut approach = shown(&actions, vec![(12, 0)], vec![landmark(true, direction)]);
         let [gripper_x, _, z] = approach.posture.gripper_m();
         assert!((gripper_x - 0.36).abs() < 1e-6);
         for _ in 0..5 {
@@ -414,11 +415,15 @@ fn the_base_is_driven_up_where_the_arm_would_reach_too_far_and_the_gripper_is_no
         approach.next(&goal(8), |_| false).map(|c| NAMES[c])
     };
     let (ahead, above) = ([1.0, 0.0, 0.0], [0.0, 0.0, -1.0]);
-    assert_eq!(next(above, 0.65), Some("base_forward"));
-    assert_eq!(next(ahead, 0.65), Some("base_forward"));
-    assert_eq!(next(ahead, 0.63), Some("base_forward"), "0.12 m are left");
-    assert_eq!(next(ahead, 0.62), Some("end_effector_backward"));
-    assert_ne!(next(above, 0.6), Some("base_forward"), "it reaches there");
+    let (up, back) = ("end_effector_up", "base_backward");
+    assert_eq!(next(above, up, 0.65), Some("base_forward"));
+    assert_eq!(next(ahead, up, 0.65), Some("base_forward"));
+    let room = "0.12 m are left";
+    assert_eq!(next(ahead, up, 0.63), Some("base_forward"), "{room}");
+    assert_eq!(next(ahead, up, 0.62), Some("end_effector_backward"));
+    assert_ne!(next(above, up, 0.6), Some("base_forward"), "within reach");
+    let nothing_is_lifted = next(ahead, back, 0.63);
+    assert_eq!(nothing_is_lifted, Some("end_effector_forward"));
 }
 
 #[test]

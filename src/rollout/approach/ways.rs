@@ -111,19 +111,23 @@ impl Approach {
         if most - least > wide { 0.0 } else { wide }
     }
 
-    /// The base ahead, where the arm would have to reach farther than in demonstrations; the gripper back first, where it
-    /// would be driven into the thing.
+    /// The base ahead, where the arm would have to reach farther than in demonstrations, much farther or to where it may
+    /// not lift what it takes; the gripper back first, where it would be driven into the thing.
     fn drive_up(
         &self,
-        landmark: &Landmark,
+        number: usize,
         place: &Point3<f32>,
         from: &Vector3<f32>,
         free: impl Fn(usize) -> Option<usize>,
     ) -> Option<usize> {
+        let landmark = &self.book.landmarks[number];
         let (class, drive_m) = self.keys.drives[1]?;
         let [least, most] = landmark.reach_m[0];
+        let up = self.keys.axes[2][1].map(|(class, _)| class);
+        let lifts = up.is_some_and(|up| self.shown.departure(number).contains(&up));
         let step = self.keys.axes[0][1].map_or(0.0, |(_, step)| step);
-        let is_far = place.x > most + NEAR_STEPS * step && from.norm() < FAR_FROM_M;
+        let beyond = if lifts { NEAR_STEPS * step } else { REACH_M };
+        let is_far = place.x > most + beyond && from.norm() < FAR_FROM_M;
         if !is_far || place.x - drive_m <= least - REACH_M {
             return None;
         }
@@ -147,10 +151,11 @@ impl Approach {
     /// is driven up or turned where the arm does not reach.
     pub(super) fn towards(
         &self,
-        landmark: &Landmark,
+        number: usize,
         place: &Point3<f32>,
         is_blocked: impl Fn(usize) -> bool,
     ) -> Option<usize> {
+        let landmark = &self.book.landmarks[number];
         let place = &self.tried(landmark, place);
         let is_within = |axis: usize| {
             let [least, most] = landmark.reach_m[axis];
@@ -159,7 +164,7 @@ impl Approach {
         let free = |class: usize| (!is_blocked(class)).then_some(class);
         let from = Point3::from(self.posture.gripper_m()) - place;
         if is_within(1)
-            && let Some(class) = self.drive_up(landmark, place, &from, free)
+            && let Some(class) = self.drive_up(number, place, &from, free)
         {
             return Some(class);
         }
