@@ -108,14 +108,6 @@ impl LandmarkView {
 }
 
 impl LandmarkBook {
-    /// The landmark of the next event of a demonstration at or after a step, and how many steps away that is.
-    #[must_use]
-    pub fn next_event(&self, trajectory: &str, step: u32) -> Option<(usize, u32)> {
-        let events = self.events.get(trajectory)?;
-        let (at, landmark) = events.iter().find(|(at, _)| *at >= step)?;
-        Some((*landmark, at - step))
-    }
-
     /// Whether the gripper is closed at a state of a demonstration, missed grasps left out.
     #[must_use]
     pub fn is_closed(&self, trajectory: &str, step: u32) -> bool {
@@ -181,16 +173,6 @@ mod tests {
             actions: BTreeMap::new(),
             grasp: None,
         }
-    }
-
-    #[test]
-    fn the_next_event_is_the_first_that_is_not_over() {
-        let book = book();
-        assert_eq!(book.next_event("a", 0), Some((0, 4)));
-        assert_eq!(book.next_event("a", 4), Some((0, 0)));
-        assert_eq!(book.next_event("a", 5), Some((1, 4)));
-        assert_eq!(book.next_event("a", 10), None);
-        assert_eq!(book.next_event("b", 0), None);
     }
 
     #[test]
