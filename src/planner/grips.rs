@@ -5,12 +5,9 @@ use crate::model::GraspSight;
 /// Least likelihood of what is seen of the gripper, so that one wrong look rules nothing out.
 const FLOOR: f64 = 0.05;
 
-/// What the gripper does at the places of a composition.
+/// What the gripper does at each place of a composition.
 #[derive(Clone, Debug)]
-pub(super) struct Grips {
-    of_places: Vec<Grip>,
-    stages_that_hold: Vec<bool>,
-}
+pub(super) struct Grips(Vec<Grip>);
 
 #[derive(Clone, Copy, Debug)]
 enum Grip {
@@ -22,45 +19,43 @@ enum Grip {
 }
 
 impl Grips {
-    /// Learns from the states of demonstrations at which it is closed.
-    pub(super) fn new(layout: &Layout, is_closed: impl Fn(NodeId) -> bool) -> Self {
+    /// Learns from the states of demonstrations at which it is closed; says, too, in which stages it holds something:
+    /// those in which it is closed at most states.
+    pub(super) fn new(layout: &Layout, is_closed: impl Fn(NodeId) -> bool) -> (Self, Vec<bool>) {
+        let places = layout.places();
+        let closed: Vec<bool> = places.iter().map(|place| is_closed(place.node)).collect();
         let mut votes = vec![0_i64; layout.stage_count()];
-        for (id, place) in (0..).map(PlaceId).zip(layout.places()) {
+        for (id, (place, is_closed)) in (0..).map(PlaceId).zip(places.iter().zip(&closed)) {
             if !layout.is_at_start(id) {
-                votes[place.stage] += if is_closed(place.node) { 1 } else { -1 };
+                votes[place.stage] += if *is_closed { 1 } else { -1 };
             }
         }
-        let stages_that_hold: Vec<bool> = votes.iter().map(|votes| *votes > 0).collect();
-        let places = layout.places().iter();
-        let of_places = places.map(|place| match is_closed(place.node) {
-            false => Grip::Open,
-            true if stages_that_hold[place.stage] => Grip::Held,
-            true => Grip::Closed,
+        let holds: Vec<bool> = votes.iter().map(|votes| *votes > 0).collect();
+        let grips = places.iter().zip(closed).map(|(place, is_closed)| {
+            if !is_closed {
+                Grip::Open
+            } else if holds[place.stage] {
+                Grip::Held
+            } else {
+                Grip::Closed
+            }
         });
-        Self {
-            of_places: of_places.collect(),
-            stages_that_hold,
-        }
+        (Self(grips.collect()), holds)
     }
 
-    /// For each stage, whether the gripper holds something there.
-    pub(super) fn stages_that_hold(&self) -> &[bool] {
-        &self.stages_that_hold
-    }
-
-    /// How well what is seen of the gripper fits with the robot being at a place.
-    pub(super) fn likelihood(
+    /// How well what is seen of the gripper fits with the robot being at each place.
+    pub(super) fn likelihoods(
         &self,
-        place: PlaceId,
         options: &FilterOptions,
         sight: GraspSight,
-    ) -> f64 {
-        let seen = match self.of_places[place.index()] {
-            Grip::Open => sight.open,
-            Grip::Closed => sight.empty + sight.held,
-            Grip::Held => sight.held,
-        };
-        (FLOOR + seen).powf(options.grasp_weight)
+    ) -> impl Fn(PlaceId) -> f64 {
+        let of = |seen: f64| (FLOOR + seen).powf(options.grasp_weight);
+        let (open, closed, held) = (of(sight.open), of(sight.empty + sight.held), of(sight.held));
+        move |place| match self.0[place.index()] {
+            Grip::Open => open,
+            Grip::Closed => closed,
+            Grip::Held => held,
+        }
     }
 }
 
@@ -79,8 +74,8 @@ mod tests {
             .filter(|p| p.stage == 1)
             .map(|p| p.node)
             .collect();
-        let grips = Grips::new(&layout, |node| node == first || of_stage.contains(&node));
-        assert!(grips.stages_that_hold()[1] && !grips.stages_that_hold()[0]);
+        let (grips, holds) = Grips::new(&layout, |node| node == first || of_stage.contains(&node));
+        assert!(holds[1] && !holds[0]);
         let place = |stage: usize, closed: bool| {
             let mut of_stage = places().filter(|(_, p)| p.stage == stage);
             of_stage
@@ -97,7 +92,8 @@ mod tests {
                 empty,
                 held: held_,
             };
-            [open, closed, held].map(|at| grips.likelihood(at, &options, sight) > 0.9)
+            let likelihood = grips.likelihoods(&options, sight);
+            [open, closed, held].map(|at| likelihood(at) > 0.9)
         });
         let wanted = [
             [true, false, false],

@@ -119,9 +119,8 @@ impl StageFilter {
     /// one speaks against what it lets go of.
     #[must_use]
     pub fn with_grasps(mut self, is_closed: impl Fn(NodeId) -> bool) -> Self {
-        let grips = Grips::new(&self.layout, is_closed);
-        self.stages
-            .know_what_holds(grips.stages_that_hold().to_vec());
+        let (grips, holds) = Grips::new(&self.layout, is_closed);
+        self.stages.know_what_holds(holds);
         self.grips = Some(grips);
         self
     }
@@ -367,6 +366,7 @@ impl StageFilter {
         let (layout, groups, options) = (&self.layout, &self.groups, &self.options);
         let unknown = likelihood(options, None, None);
         let grips = self.grips.as_ref().zip(grasp);
+        let grip = grips.map(|(grips, sight)| grips.likelihoods(options, sight));
         let sensed = evidence.zip(self.sense.as_ref());
         let weights = sensed.map(|(evidence, sense)| sense.weights(options, evidence));
         let stages: Vec<f64> = (0..layout.stage_count())
@@ -386,7 +386,7 @@ impl StageFilter {
                     (None, None) => unknown,
                     (to, from) => likelihood(options, to, from),
                 };
-                let grip = grips.map_or(1.0, |(grips, sight)| grips.likelihood(id, options, sight));
+                let grip = grip.as_ref().map_or(1.0, |likelihood| likelihood(id));
                 near * grip * weights.as_ref().map_or(1.0, |w| w.of_state(place.node))
             },
             |group| stages[groups.stages[group]],

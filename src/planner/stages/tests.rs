@@ -1,5 +1,16 @@
 use super::*;
 
+/// A step in which all that is believed is seen.
+fn plainly(believed: &[f64]) -> StageView<'_> {
+    StageView {
+        probabilities: believed,
+        reached: believed,
+        support: believed,
+        lenient: believed,
+        sensed: None,
+    }
+}
+
 /// A step of a robot that is believed at stage 0 while so much speaks for stage 3.
 fn step(stages: &mut Stages, support: f64) -> Option<StageChange> {
     let believed = [1.0, 0.0, 0.0, 0.0];
@@ -34,13 +45,7 @@ fn a_stage_that_is_all_but_certain_is_reached_though_little_fits() {
     let steps = |reached: f64, options: &FilterOptions| {
         let mut stages = Stages::new(3, &[]);
         let view = [1.0 - reached, reached, 0.0];
-        let view = StageView {
-            probabilities: &view,
-            reached: &view,
-            support: &view,
-            lenient: &view,
-            sensed: None,
-        };
+        let view = plainly(&view);
         (1..=20).find(|_| stages.vote_unfit(options, &view).is_some())
     };
     let options = FilterOptions::default();
@@ -142,13 +147,7 @@ fn what_an_empty_gripper_let_go_of_is_due_once_a_later_task_is_seen() {
         let believe = |stage: usize, stages: &mut Stages| {
             let mut believed = [0.0; 4];
             believed[stage] = 1.0;
-            let view = StageView {
-                probabilities: &believed,
-                reached: &believed,
-                support: &believed,
-                lenient: &believed,
-                sensed: None,
-            };
+            let view = plainly(&believed);
             stages.vote(&options, &view)
         };
         for sight in seen {
@@ -194,13 +193,7 @@ fn an_empty_gripper_falls_back_at_once_and_its_stage_is_out_of_question_until_it
     };
     let (empty, held) = (sight(0.95), sight(0.05));
     let believed = [0.0, 1.0, 0.0];
-    let view = StageView {
-        probabilities: &believed,
-        reached: &believed,
-        support: &believed,
-        lenient: &believed,
-        sensed: None,
-    };
+    let view = plainly(&believed);
     let run = |options: &FilterOptions| {
         let mut stages = Stages::new(3, &[]);
         stages.know_what_holds(vec![false, true, false]);

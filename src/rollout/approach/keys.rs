@@ -1,3 +1,5 @@
+use nalgebra::Vector3;
+
 use crate::model::LandmarkBook;
 use crate::task::GripperSignal;
 use crate::trajectory::ActionSpace;
@@ -67,6 +69,13 @@ impl Keys {
     pub(super) fn height_spread_m(&self, of_gripper_m: f32) -> f32 {
         let step = self.axes[2][1].map_or(0.0, |(_, step)| step);
         (of_gripper_m * of_gripper_m - step * step).max(0.0).sqrt()
+    }
+
+    /// The class that goes on along the main axis of a direction and the one that goes back, and by how much.
+    pub(super) fn along(&self, direction: &Vector3<f32>) -> [Option<(usize, f32)>; 2] {
+        let main = direction.iamax();
+        [direction[main] > 0.0, direction[main] < 0.0]
+            .map(|positive| self.axes[main][usize::from(positive)])
     }
 
     /// Whether a class moves the base.

@@ -134,14 +134,13 @@ impl Approach {
         let drive = free(class)?;
         let approach = Vector3::from(landmark.approach);
         let ahead = -from.dot(&approach);
-        let main = approach.iamax();
-        let back = self.keys.axes[main][usize::from(approach[main] < 0.0)];
-        let room = if main == 0 {
+        let room = if approach.iamax() == 0 {
             drive_m + NEAR_STEPS * step
         } else {
             landmark.clearance_m - 0.5 * step
         };
         if ahead < room {
+            let [_, back] = self.keys.along(&approach);
             return back.and_then(|(class, _)| free(class));
         }
         Some(drive)
@@ -190,22 +189,17 @@ impl Approach {
             .map(|axis| (axis, aside[axis]))
             .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
         let (class, step) = self.keys.axes[axis][usize::from(off < 0.0)]?;
-        let main = approach.iamax();
-        let [onward, back] = [approach[main] > 0.0, approach[main] < 0.0]
-            .map(|positive| self.keys.axes[main][usize::from(positive)]);
+        let [onward, back] = self.keys.along(&approach);
         if off.abs() > NEAR_STEPS * step {
             let is_too_near = ahead < landmark.clearance_m - 0.5 * step;
             let is_low = approach.z < -0.5 && is_too_near;
             let most = if is_low { 1.0 } else { ASIDE_STEPS };
-            if off.abs() > most * step
-                && is_too_near
-                && let Some(back) = back.and_then(|(class, _)| free(class))
-            {
+            let is_to_go_back = is_too_near && off.abs() > most * step;
+            if is_to_go_back && let Some(back) = back.and_then(|(class, _)| free(class)) {
                 return Some(back);
             }
             // Where it cannot go higher it goes across as low as it is: ahead and back again would have no end.
-            let is_as_high_as_it_gets = off.abs() > most * step && is_too_near;
-            if !is_low || is_as_high_as_it_gets {
+            if !is_low || is_to_go_back {
                 if let Some(class) = free(class) {
                     return Some(class);
                 }
