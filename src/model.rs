@@ -19,8 +19,8 @@ pub use baseline::{
 };
 pub use encoder::Encoder;
 pub use error::ModelError;
-pub(crate) use grasp_sense::grasp_values;
 pub use grasp_sense::{GraspSense, GraspSight};
+pub(crate) use grasp_sense::{grasp_values, most_probable};
 pub(crate) use landmark_book::median;
 pub use landmark_book::{
     HIDDEN_M, LANDMARK_VALUES, Landmark, LandmarkBook, LandmarkSight, LandmarkView,

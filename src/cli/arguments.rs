@@ -75,6 +75,10 @@ pub struct RecordArguments {
     /// Vary what other tasks leave behind: a drawer open or shut, a can gone.
     #[arg(long)]
     pub vary: bool,
+    /// Only go through the motions: the gripper closes beside every loose thing and is carried on empty. For
+    /// `catena train --dry-runs`.
+    #[arg(long)]
+    pub dry_run: bool,
 }
 
 /// How recordings are read; goes before what a mapping file says.
@@ -136,6 +140,10 @@ pub struct TrainArguments {
     /// What to train: our model, or a baseline of the paper to compare it with.
     #[arg(long, value_enum, default_value_t = MethodArgument::Ours)]
     pub method: MethodArgument,
+    /// Recordings, as the demonstrations are given, in which the gripper only ever closes on nothing while the robot
+    /// goes through the motions of a task: teaches what an empty gripper looks like. May be given several times.
+    #[arg(long, value_name = "PATH")]
+    pub dry_runs: Vec<PathBuf>,
     /// With `--method mvp`: the visual encoder, trained elsewhere, as an ONNX file with one input
     /// [n, 3, height, width] and one output [n, features]. A JSON file beside it of the same name may say
     /// mean and deviation (of 0 to 255) and the size of its pictures.

@@ -7,7 +7,8 @@ use super::error::CliError;
 use super::progress;
 use crate::experiment::counted;
 use crate::simulator::{
-    Bedroom, BedroomConfig, BedroomTask, Demonstration, Leftovers, Level, demonstrate,
+    Bedroom, BedroomConfig, BedroomTask, Demonstration, Habits, LONGEST_STEPS, Leftovers, Level,
+    demonstrate_on,
 };
 use crate::storage::{RecordingMetadata, write_trajectory};
 
@@ -97,7 +98,14 @@ pub(super) fn record(arguments: &RecordArguments) -> Result<(), CliError> {
     };
     println!(
         "{} of {} in {} ({found} from before, {}{steps})",
-        counted(recorded, "demonstration"),
+        counted(
+            recorded,
+            if arguments.dry_run {
+                "dry run"
+            } else {
+                "demonstration"
+            }
+        ),
         arguments.task,
         arguments.out.display(),
         counted(attempts, "attempt"),
@@ -122,9 +130,21 @@ fn attempt(
     if arguments.out.join(file_name(task, seed)).is_file() {
         return Ok(Attempt::Known);
     }
-    let demonstration = demonstrate(&mut Bedroom::new(config), task, seed)?;
-    let fits = (40..=100).contains(&demonstration.trajectory.steps.len());
-    Ok(if demonstration.succeeded && fits {
+    let mut bedroom = Bedroom::new(config);
+    bedroom.arrange(seed);
+    let habits = Habits {
+        dry_run: arguments.dry_run,
+        ..Habits::default()
+    };
+    let demonstration = demonstrate_on(&mut bedroom, task, habits, seed)?;
+    let steps = demonstration.trajectory.steps.len();
+    // Nothing is to come of a dry run; only one that got stuck is left out.
+    let is_wanted = if arguments.dry_run {
+        steps < LONGEST_STEPS
+    } else {
+        demonstration.succeeded && (40..=100).contains(&steps)
+    };
+    Ok(if is_wanted {
         Attempt::Succeeded(seed, Box::new(demonstration))
     } else {
         Attempt::Failed
@@ -141,7 +161,8 @@ fn keep(
     let metadata = RecordingMetadata {
         robot: "LoCoBot (simulated)".to_owned(),
         seed: Some(seed),
-        success: Some(true),
+        // A dry run neither succeeds nor fails.
+        success: (!arguments.dry_run).then_some(true),
         notes: [(BEDROOM_NOTE.to_owned(), serde_json::to_string(&config)?)].into(),
     };
     let path = arguments.out.join(file_name(task, seed));

@@ -6,10 +6,11 @@ use super::arguments::{Arguments, EvaluateArguments, PlannerArgument};
 use super::error::CliError;
 use super::evaluate::{bedroom, episodes, options};
 use super::loaded::Loaded;
-use crate::experiment::{ScoredBedroom, ShortcutDetection, Watched, counted};
+use super::record::bedroom_task;
+use crate::experiment::{ScoredBedroom, ShortcutDetection, Skipper, Watched, counted};
 use crate::planner::{Planner, PlannerOptions};
 use crate::rollout::{Monitor, Rollout};
-use crate::simulator::{Bedroom, BedroomConfig};
+use crate::simulator::{Bedroom, BedroomConfig, BedroomTask};
 
 /// The target of `catena evaluate` that stands for this evaluation.
 pub(super) const TARGET: &str = "shortcuts";
@@ -24,16 +25,23 @@ enum Drive {
     InOrder,
     /// The paper's way: the shortest path over the merged graph.
     PapersWay,
-    /// The last task alone from where the first one starts: a shortcut that is provoked.
+    /// The last task alone from where the first one starts.
     LastTask,
+    /// An operator who leaves out a part of a task before the last: a shortcut that is provoked.
+    Skipper,
 }
 
 impl Drive {
     /// Those that take turns; where nothing is to be planned in order, that drive is left out.
     const fn of(planner: PlannerArgument) -> &'static [Self] {
         match planner {
-            PlannerArgument::InOrder => &[Self::InOrder, Self::PapersWay, Self::LastTask],
-            PlannerArgument::Unconstrained => &[Self::PapersWay, Self::LastTask],
+            PlannerArgument::InOrder => &[
+                Self::InOrder,
+                Self::PapersWay,
+                Self::LastTask,
+                Self::Skipper,
+            ],
+            PlannerArgument::Unconstrained => &[Self::PapersWay, Self::LastTask, Self::Skipper],
         }
     }
 
@@ -42,6 +50,7 @@ impl Drive {
             Self::InOrder => "subgoals in order",
             Self::PapersWay => "the paper's way",
             Self::LastTask => "the last task alone",
+            Self::Skipper => "an operator who skips",
         }
     }
 }
@@ -88,6 +97,8 @@ pub(super) fn evaluate_shortcuts(
     let loaded = Loaded::load(composition.unwrap_or(COMPOSITION), arguments)?;
     let last = loaded.composition.automaton.tasks().last().cloned();
     let alone = Loaded::load(&last.unwrap_or_default(), arguments)?;
+    let tasks = loaded.composition.automaton.tasks().iter();
+    let tasks = tasks.map(|task| bedroom_task(task));
     let stage = Stage {
         bedroom: bedroom(&loaded, evaluate_arguments)?,
         in_order: loaded.planner(loaded.composition.planner.clone())?,
@@ -95,6 +106,7 @@ pub(super) fn evaluate_shortcuts(
         last_task: alone.planner(options(&alone, evaluate_arguments.planner))?,
         loaded: &loaded,
         alone: &alone,
+        tasks: tasks.collect::<Result<_, _>>()?,
         nearest_states: evaluate_arguments.nearest_states,
     };
     let first = evaluate_arguments.seed;
@@ -128,13 +140,14 @@ struct Stage<'a> {
     last_task: Planner,
     loaded: &'a Loaded,
     alone: &'a Loaded,
+    tasks: Vec<BedroomTask>,
     nearest_states: Option<usize>,
 }
 
 impl Stage<'_> {
     fn episode(&self, seed: u64, drive: Drive) -> Result<ShortcutEpisode, CliError> {
         let (driver, planner) = match drive {
-            Drive::InOrder => (self.loaded, &self.in_order),
+            Drive::InOrder | Drive::Skipper => (self.loaded, &self.in_order),
             Drive::PapersWay => (self.loaded, &self.papers_way),
             Drive::LastTask => (self.alone, &self.last_task),
         };
@@ -146,12 +159,17 @@ impl Stage<'_> {
         )?);
         let automaton = &self.loaded.composition.demonstrated_automaton();
         let mut room = ScoredBedroom::new(Bedroom::new(self.bedroom), automaton);
-        let mut rollout = Rollout::new(driver.rollout_model(), planner.clone(), options)?;
-        let episode = rollout.run(&mut room, seed, &mut watched)?;
+        let steps = if drive == Drive::Skipper {
+            let skipper = Skipper::new(self.tasks.clone(), seed);
+            skipper.drive(&mut room, options.max_steps, |seen| watched.look(seen))?
+        } else {
+            let mut rollout = Rollout::new(driver.rollout_model(), planner.clone(), options)?;
+            rollout.run(&mut room, seed, &mut watched)?.steps
+        };
         Ok(ShortcutEpisode {
             seed,
             drive,
-            steps: episode.steps,
+            steps,
             shortcut_step: room.score().shortcut_step(),
             flagged_step: watched.flagged_step()?,
         })

@@ -25,9 +25,17 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
     preset(arguments)?;
     let Prepared {
         sets,
-        digests,
+        mut digests,
         run_folder,
     } = prepared(arguments)?;
+    let (dry_runs, of_dry_runs) = load_sets(
+        &arguments.dry_runs,
+        arguments.bins,
+        &read_options(&arguments.read),
+    )?;
+    digests.extend(
+        (of_dry_runs.into_iter()).map(|(task, digest)| (format!("dry runs of {task}"), digest)),
+    );
     let config = training_config(arguments, &sets)?;
     config.check()?;
     if !run_folder.join(CHECKPOINT).exists() {
@@ -36,8 +44,12 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
     let mut printer = Printer {
         bar: progress::bar("training", config.steps),
     };
-    let report = fit(&sets, &config, &run_folder, &mut printer)?;
+    let mut report = fit(&sets, &config, &run_folder, &mut printer)?;
     printer.bar.finish_and_clear();
+    if !dry_runs.is_empty() {
+        let empty = report.model.learn_empty_gripper(&sets, &dry_runs)?;
+        println!("{empty} states of dry runs show a gripper that is closed on nothing");
+    }
     let manifest = export(&report.model, digests, &arguments.out)?;
     let metrics = &manifest.training.validation;
     println!(

@@ -1,6 +1,6 @@
 use super::Score;
 use crate::environment::{Environment, EnvironmentError};
-use crate::simulator::Bedroom;
+use crate::simulator::{Bedroom, Insight};
 use crate::task::Automaton;
 use crate::trajectory::{Action, ActionSpace, CameraSpec, Observation};
 
@@ -34,6 +34,12 @@ impl ScoredBedroom {
     #[must_use]
     pub fn score(&self) -> &Score {
         &self.score
+    }
+
+    /// All that a demonstrating operator knows.
+    #[must_use]
+    pub fn insight(&self) -> Insight {
+        self.bedroom.insight()
     }
 
     fn judge(&mut self) {

@@ -30,7 +30,8 @@ impl<'a> Watched<'a> {
         self.failure.map_or(Ok(self.flagged_step), Err)
     }
 
-    fn look(&mut self, observation: &Arc<Observation>) {
+    /// What is seen next, where nobody's plan drives.
+    pub fn look(&mut self, observation: &Arc<Observation>) {
         if self.failure.is_some() || self.flagged_step.is_some() {
             return;
         }

@@ -24,6 +24,9 @@ pub struct GraspSense {
     pub weights: Vec<Vec<f32>>,
     /// What each of these begins with.
     pub intercepts: Vec<f32>,
+    /// Tasks whose things are told from each other, in the order of the weights; none where that is not known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub things: Vec<String>,
 }
 
 /// What the gripper is seen to do, as probabilities that sum to 1.
@@ -35,6 +38,8 @@ pub struct GraspSight {
     pub empty: f64,
     /// It holds something.
     pub held: f64,
+    /// What it most probably holds if it does: a number among the kinds of things that are told from each other.
+    pub thing: usize,
 }
 
 impl GraspSense {
@@ -57,7 +62,14 @@ impl GraspSense {
             open: probabilities[0],
             empty: probabilities[1],
             held: probabilities[2..].iter().sum(),
+            thing: most_probable(&probabilities[2..]),
         })
+    }
+
+    /// The number of the thing of a task, if things are told from each other.
+    #[must_use]
+    pub fn thing_of(&self, task: &str) -> Option<usize> {
+        self.things.iter().position(|thing| thing == task)
     }
 
     /// Why this cannot be used with some cameras, if it cannot.
@@ -69,6 +81,7 @@ impl GraspSense {
         let is_whole = self.weights.len() >= 3
             && self.intercepts.len() == self.weights.len()
             && self.mean.len() == values
+            && (self.things.is_empty() || self.things.len() + 2 == self.weights.len())
             && self.weights.iter().all(|w| w.len() == values);
         if !is_whole {
             return Some(format!(
@@ -85,6 +98,17 @@ impl GraspSense {
         let is_known = cameras.iter().any(|camera| camera.name == self.camera);
         (!is_known).then(|| format!("a sense of grasps of the camera `{}`", self.camera))
     }
+}
+
+/// Index of the largest value; the first wins a tie, an empty slice gives 0.
+pub(crate) fn most_probable(values: &[f64]) -> usize {
+    let mut best = 0;
+    for (i, v) in values.iter().enumerate() {
+        if *v > values[best] {
+            best = i;
+        }
+    }
+    best
 }
 
 /// The values, 0..=1, of a part of a picture.
@@ -128,6 +152,7 @@ mod tests {
             mean: vec![0.5; values],
             weights: [-1.0, 0.0, 1.0].map(|w| vec![w; values]).to_vec(),
             intercepts: vec![0.0, 100.0, 0.0],
+            things: Vec::new(),
         }
     }
 

@@ -9,6 +9,23 @@ const FLOOR: f64 = 0.05;
 #[derive(Clone, Debug)]
 pub(super) struct Grips(Vec<Grip>);
 
+/// What the gripper holds in a stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Load {
+    Nothing,
+    /// It is not known what.
+    Something,
+    /// The thing of that number.
+    Thing(usize),
+}
+
+impl Load {
+    /// Whether it holds anything.
+    pub(super) fn is_held(self) -> bool {
+        self != Self::Nothing
+    }
+}
+
 #[derive(Clone, Copy, Debug)]
 enum Grip {
     Open,
@@ -19,28 +36,39 @@ enum Grip {
 }
 
 impl Grips {
-    /// Learns from the states of demonstrations at which it is closed; says, too, in which stages it holds something:
-    /// those in which it is closed at most states.
-    pub(super) fn new(layout: &Layout, is_closed: impl Fn(NodeId) -> bool) -> (Self, Vec<bool>) {
+    /// Learns from the states of demonstrations at which it is closed, and of the thing that each is about where that
+    /// is known; says, too, what it holds in each stage: something in those in which it is closed at most states.
+    pub(super) fn new(
+        layout: &Layout,
+        is_closed: impl Fn(NodeId) -> bool,
+        thing_of: impl Fn(NodeId) -> Option<usize>,
+    ) -> (Self, Vec<Load>) {
         let places = layout.places();
         let closed: Vec<bool> = places.iter().map(|place| is_closed(place.node)).collect();
         let mut votes = vec![0_i64; layout.stage_count()];
+        let mut things = vec![None; layout.stage_count()];
         for (id, (place, is_closed)) in (0..).map(PlaceId).zip(places.iter().zip(&closed)) {
             if !layout.is_at_start(id) {
                 votes[place.stage] += if *is_closed { 1 } else { -1 };
+                things[place.stage] = things[place.stage].or_else(|| thing_of(place.node));
             }
         }
-        let holds: Vec<bool> = votes.iter().map(|votes| *votes > 0).collect();
+        let loads = votes.iter().zip(things).map(|(votes, thing)| match thing {
+            _ if *votes <= 0 => Load::Nothing,
+            None => Load::Something,
+            Some(thing) => Load::Thing(thing),
+        });
+        let loads: Vec<Load> = loads.collect();
         let grips = places.iter().zip(closed).map(|(place, is_closed)| {
             if !is_closed {
                 Grip::Open
-            } else if holds[place.stage] {
+            } else if loads[place.stage].is_held() {
                 Grip::Held
             } else {
                 Grip::Closed
             }
         });
-        (Self(grips.collect()), holds)
+        (Self(grips.collect()), loads)
     }
 
     /// How well what is seen of the gripper fits with the robot being at each place.
@@ -74,8 +102,11 @@ mod tests {
             .filter(|p| p.stage == 1)
             .map(|p| p.node)
             .collect();
-        let (grips, holds) = Grips::new(&layout, |node| node == first || of_stage.contains(&node));
-        assert!(holds[1] && !holds[0]);
+        let is_closed = |node| node == first || of_stage.contains(&node);
+        let loads = |thing| Grips::new(&layout, is_closed, |_| thing).1;
+        assert_eq!(loads(None)[..2], [Load::Nothing, Load::Something]);
+        assert_eq!(loads(Some(4))[..2], [Load::Nothing, Load::Thing(4)]);
+        let (grips, _) = Grips::new(&layout, is_closed, |_| None);
         let place = |stage: usize, closed: bool| {
             let mut of_stage = places().filter(|(_, p)| p.stage == stage);
             of_stage
@@ -91,6 +122,7 @@ mod tests {
                 open: open_,
                 empty,
                 held: held_,
+                thing: 0,
             };
             let likelihood = grips.likelihoods(&options, sight);
             [open, closed, held].map(|at| likelihood(at) > 0.9)

@@ -7,10 +7,10 @@ use super::groups::Groups;
 use super::motion::Motion;
 use super::outset::Outset;
 use super::stage_sense::StageSense;
-use super::stages::{StageView, Stages, most_probable};
+use super::stages::{StageView, Stages};
 use super::{FilterOptions, Layout, LiveDistances, PlaceId, StageChange};
 use crate::graph::{NodeId, StageClassifier, StageEvidence};
-use crate::model::GraspSight;
+use crate::model::{GraspSight, most_probable};
 
 /// Where in the composition the robot is believed to be.
 #[derive(Clone, Debug, PartialEq)]
@@ -116,11 +116,16 @@ impl StageFilter {
 
     /// Knows at which states of demonstrations the gripper is closed: weighs places by what is seen of it, where
     /// [`look`](Self::look) is told. In a stage in which it is closed at most states it holds something, and an empty
-    /// one speaks against what it lets go of.
+    /// one speaks against what it lets go of, as does one that holds another thing than `thing_of` its states, where
+    /// that is known.
     #[must_use]
-    pub fn with_grasps(mut self, is_closed: impl Fn(NodeId) -> bool) -> Self {
-        let (grips, holds) = Grips::new(&self.layout, is_closed);
-        self.stages.know_what_holds(holds);
+    pub fn with_grasps(
+        mut self,
+        is_closed: impl Fn(NodeId) -> bool,
+        thing_of: impl Fn(NodeId) -> Option<usize>,
+    ) -> Self {
+        let (grips, loads) = Grips::new(&self.layout, is_closed, thing_of);
+        self.stages.know_loads(loads);
         self.grips = Some(grips);
         self
     }

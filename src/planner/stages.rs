@@ -5,7 +5,8 @@ use grip::Grip;
 use suspicion::Suspicion;
 
 use super::FilterOptions;
-use crate::model::GraspSight;
+use super::grips::Load;
+use crate::model::{GraspSight, most_probable};
 
 /// What became of the stage in a step.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -112,7 +113,7 @@ impl Stages {
             passed_steps: vec![0.0; count],
             sensed: vec![0.0; count],
             is_start: (0..count).map(|s| starts_of_tasks.contains(&s)).collect(),
-            grip: Grip::new(vec![false; count]),
+            grip: Grip::new(vec![Load::Nothing; count]),
             is_hollow: vec![false; count],
             ahead: Suspicion::new(DOUBT, CONVINCED),
             overlooked: Suspicion::new(DOUBT, CONVINCED),
@@ -120,14 +121,15 @@ impl Stages {
         }
     }
 
-    /// Says in which stages the gripper holds something.
-    pub(super) fn know_what_holds(&mut self, holds: Vec<bool>) {
-        self.grip = Grip::new(holds);
+    /// Says what the gripper holds in each stage.
+    pub(super) fn know_loads(&mut self, loads: Vec<Load>) {
+        self.grip = Grip::new(loads);
     }
 
     /// Takes a stage as reached, with all before it, whatever was seen.
     pub(super) fn accept(&mut self, stage: usize) {
         self.set(stage);
+        self.grip.forget_what_was_carried();
         self.sensed[..=stage].fill(1.0);
         self.is_hollow.fill(false);
     }
@@ -310,17 +312,6 @@ impl Stages {
         let is_seen = |due: usize| self.peaks[due + 1] >= SEEN || (due + 1 == to && is_reached);
         (self.now..to).filter(|due| !is_seen(*due)).collect()
     }
-}
-
-/// Index of the largest value; the first wins a tie, an empty slice gives 0.
-pub(super) fn most_probable(values: &[f64]) -> usize {
-    let mut best = 0;
-    for (i, v) in values.iter().enumerate() {
-        if *v > values[best] {
-            best = i;
-        }
-    }
-    best
 }
 
 #[cfg(test)]

@@ -73,12 +73,13 @@ impl<'a> Monitor<'a> {
             filter = filter.with_classifier(planner.stage_classifier()?);
         }
         let book = model.landmarks;
-        if let Some(book) = book.filter(|book| book.grasp.is_some()) {
+        if let Some((book, sense)) = book.and_then(|book| Some((book, book.grasp.as_ref()?))) {
             let graph = planner.graph();
-            filter = filter.with_grasps(|node| {
+            let is_closed = |node| {
                 let node = graph.node(node);
                 book.is_closed(&node.trajectory, node.step)
-            });
+            };
+            filter = filter.with_grasps(is_closed, |node| sense.thing_of(&graph.node(node).task));
         }
         let candidates = filter.candidates();
         let nearby = options

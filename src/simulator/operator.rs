@@ -38,6 +38,9 @@ pub struct Habits {
     pub slip: f64,
     /// Chance that a slip is pressed once more before it is noticed.
     pub slip_again: f64,
+    /// Only goes through the motions: whatever lies loose is missed, and the empty gripper is carried on as if it held
+    /// it.
+    pub dry_run: bool,
 }
 
 impl Default for Habits {
@@ -51,6 +54,7 @@ impl Default for Habits {
             late_notice: 0.3,
             slip: 0.06,
             slip_again: 0.35,
+            dry_run: false,
         }
     }
 }
@@ -72,6 +76,8 @@ pub struct Operator {
     escapes_left: u32,
     escape_steps_due: u32,
     slip_due: Option<Primitive>,
+    /// What a dry run takes an empty gripper to hold.
+    pretends: Option<Graspable>,
 }
 
 /// Keys that lie side by side: the base's, and the arm's.
@@ -112,6 +118,7 @@ impl Operator {
             escapes_left: 3,
             escape_steps_due: 0,
             slip_due: None,
+            pretends: None,
         };
         operator.enter_stage();
         operator
@@ -119,6 +126,7 @@ impl Operator {
 
     /// The next primitive; [`Primitive::Terminate`] once nothing is left to do.
     pub fn next(&mut self, insight: &Insight) -> Primitive {
+        let insight = &self.pretended(insight);
         self.notice_obstacles(insight);
         let primitive = loop {
             if self.escape_steps_due > 0 {
@@ -136,6 +144,14 @@ impl Operator {
         let primitive = self.slipped(primitive);
         self.last = Some((primitive, *insight));
         primitive
+    }
+
+    /// What is the case, but for an empty gripper that a dry run takes to hold something.
+    fn pretended(&self, insight: &Insight) -> Insight {
+        match self.pretends {
+            Some(thing) if insight.gripper_shut && insight.held.is_none() => insight.holding(thing),
+            _ => *insight,
+        }
     }
 
     /// The key that is pressed instead of the wanted one.
@@ -176,7 +192,7 @@ impl Operator {
         let was = |wanted| self.last.is_some_and(|(primitive, _)| primitive == wanted);
         match self.stages.get(self.current) {
             Some(Stage::Grasp(grasp)) if !was(grasp.retreat(insight)) => {
-                self.misjudged = None;
+                self.misjudged = self.habits.dry_run.then(Misjudgement::here);
                 self.retreats_due = 2;
             }
             Some(Stage::Drive(..) | Stage::CloseIn(..)) | None => self.finish_stage(),
@@ -200,7 +216,9 @@ impl Operator {
         self.misjudged = match self.stages.get(self.current) {
             // A handle is hard to miss.
             Some(Stage::Grasp(grasp)) if grasp.thing != Graspable::Drawer => {
-                let chance = if grasp.from_above {
+                let chance = if self.habits.dry_run {
+                    1.0
+                } else if grasp.from_above {
                     self.habits.missed_from_above
                 } else {
                     self.habits.missed_grasp
@@ -249,6 +267,10 @@ impl Operator {
 
     fn grasp(&mut self, grasp: Grasp, insight: &Insight) -> Option<Primitive> {
         if insight.held == Some(grasp.thing) {
+            return None;
+        }
+        if insight.gripper_shut && self.habits.dry_run && grasp.thing != Graspable::Drawer {
+            self.pretends = Some(grasp.thing);
             return None;
         }
         if insight.gripper_shut {

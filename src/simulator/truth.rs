@@ -153,6 +153,29 @@ pub struct Insight {
 }
 
 impl Insight {
+    /// The same with a thing in the gripper.
+    pub(crate) fn holding(&self, thing: Graspable) -> Self {
+        let (sin, cos) = self.heading_rad.sin_cos();
+        let [x, y] = self.base_m;
+        let tool = &self.tool;
+        let at = [
+            x + cos * tool.x_m - sin * tool.y_m,
+            y + sin * tool.x_m + cos * tool.y_m,
+            tool.z_m,
+        ];
+        let mut held = Self {
+            held: Some(thing),
+            ..*self
+        };
+        match thing {
+            Graspable::Drawer => held.handle_m = at,
+            Graspable::Sock => held.sock_m = at,
+            Graspable::Can => held.can_m = at,
+            Graspable::Tissue => held.tissue_m = at,
+        }
+        held
+    }
+
     pub(crate) fn of(world: &World) -> Self {
         let place = |thing| {
             let at = world.world_from(thing).translation;

@@ -26,6 +26,8 @@ pub struct StateRef {
 pub struct Dataset {
     cameras: Vec<CameraSpec>,
     action_space: ActionSpace,
+    /// The task of each set.
+    tasks: Vec<String>,
     trajectories: Vec<Labelled>,
 }
 
@@ -78,6 +80,7 @@ impl Dataset {
         Ok(Self {
             cameras: first.cameras(),
             action_space: first.action_space().clone(),
+            tasks: sets.iter().map(|set| set.task().to_owned()).collect(),
             trajectories,
         })
     }
@@ -162,6 +165,12 @@ impl Dataset {
     #[must_use]
     pub fn classes(&self, at: StateRef) -> &[usize] {
         &self.trajectories[at.trajectory as usize].classes[at.step as usize]
+    }
+
+    /// The task of each of the demonstration sets.
+    #[must_use]
+    pub fn tasks(&self) -> &[String] {
+        &self.tasks
     }
 
     /// Which of the demonstration sets a trajectory is from.

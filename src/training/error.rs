@@ -78,6 +78,15 @@ pub enum TrainingError {
         /// What is missing.
         reason: String,
     },
+    /// Nothing can be learnt of dry runs.
+    #[error(
+        "nothing can be learnt of the dry runs: {reason}; in a dry run the robot goes through the motions of a task \
+         with its gripper closed on nothing (`catena record --dry-run` shows how)"
+    )]
+    NoDryRuns {
+        /// What is missing.
+        reason: String,
+    },
     /// Two sets have different action spaces.
     #[error(
         "set '{set}' has {found}, set '{first_set}' has {expected}; one model needs one action space"

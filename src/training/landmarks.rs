@@ -6,6 +6,7 @@
 //! cost to anybody. Finding it there teaches an encoder that a thing is a thing wherever it stands.
 
 mod book;
+mod dry_runs;
 mod grasps;
 
 use std::collections::HashMap;

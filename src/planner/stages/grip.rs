@@ -1,3 +1,4 @@
+use super::super::grips::Load;
 use super::Suspicion;
 use crate::model::GraspSight;
 
@@ -9,35 +10,43 @@ const CONVINCED: f64 = 0.4;
 /// Probability of holding something from which an empty gripper may be on the way to no longer being it.
 const HELD: f64 = 0.5;
 
-/// Whether the gripper holds something in the stages in which it should.
+/// Whether the gripper holds what it should in the stages in which it should.
 #[derive(Clone, Debug)]
 pub(super) struct Grip {
-    /// For each stage, whether it should.
-    holds: Vec<bool>,
+    /// For each stage, what it should hold.
+    loads: Vec<Load>,
     empty: Suspicion,
     held: Suspicion,
     /// Whether it was last seen empty.
     is_empty: bool,
+    /// What it was last seen to hold when it was closed, be it nothing; not known before it was.
+    carried: Option<Load>,
+    /// What it may be seen to hold instead, and what speaks for nothing.
+    other: (usize, Suspicion),
+    nothing: Suspicion,
 }
 
 impl Grip {
-    pub(super) const fn new(holds: Vec<bool>) -> Self {
+    pub(super) const fn new(loads: Vec<Load>) -> Self {
         Self {
-            holds,
+            loads,
             empty: Suspicion::new(DOUBT, CONVINCED),
             held: Suspicion::new(DOUBT, CONVINCED),
             is_empty: false,
+            carried: None,
+            other: (0, Suspicion::new(DOUBT, CONVINCED)),
+            nothing: Suspicion::new(DOUBT, CONVINCED),
         }
     }
 
     /// Whether it should hold something in a stage.
     pub(super) fn holds(&self, stage: usize) -> bool {
-        self.holds[stage]
+        self.loads[stage].is_held()
     }
 
     /// Whether it should hold something in a stage and was seen not to.
     pub(super) fn should_hold_and_is_empty(&self, stage: usize) -> bool {
-        self.is_empty && self.holds[stage]
+        self.is_empty && self.holds(stage)
     }
 
     /// Whether it should hold something in a stage, was seen not to, and is not seen to do so now.
@@ -52,7 +61,18 @@ impl Grip {
 
     /// Notes what is seen of it in a stage.
     pub(super) fn note(&mut self, stage: usize, sight: GraspSight) {
-        if !self.holds[stage] && !self.is_empty {
+        let (thing, seen) = &mut self.other;
+        if *thing != sight.thing {
+            *thing = sight.thing;
+            seen.forget();
+        }
+        if seen.add(sight.held) {
+            self.carried = Some(Load::Thing(sight.thing));
+        }
+        if self.nothing.add(sight.empty) {
+            self.carried = Some(Load::Nothing);
+        }
+        if !self.holds(stage) && !self.is_empty {
             return;
         }
         if self.empty.add(sight.empty) {
@@ -65,16 +85,35 @@ impl Grip {
 
     /// Whether it was empty when it was to let go of something, upon which a stage begins.
     pub(super) fn lets_go_of_nothing(&self, stage: usize) -> bool {
-        self.is_empty && !self.holds[stage]
+        self.is_empty && !self.holds(stage)
     }
 
-    /// What a classifier gives each stage, less where it should hold something and is empty.
+    /// What a classifier gives each stage, less where the gripper should hold something and is empty or holds something
+    /// else, and nothing where it should have let go of what it did not carry.
     pub(super) fn weighed(&self, mut sensed: Vec<f64>, sight: GraspSight) -> Vec<f64> {
-        let stages = sensed.iter_mut().zip(&self.holds);
-        for (value, _) in stages.filter(|(_, holds)| **holds) {
-            *value *= 1.0 - sight.empty;
+        for (stage, value) in sensed.iter_mut().enumerate() {
+            let before = stage.checked_sub(1).map(|before| self.loads[before]);
+            *value *= match (before, self.loads[stage]) {
+                (_, Load::Something) => 1.0 - sight.empty,
+                (_, Load::Thing(thing)) if thing == sight.thing => 1.0 - sight.empty,
+                (_, Load::Thing(_)) => 1.0 - sight.empty - sight.held,
+                (Some(due @ Load::Thing(_)), Load::Nothing) => {
+                    f64::from(self.carried.is_none_or(|carried| carried == due))
+                }
+                (Some(Load::Something), Load::Nothing) => {
+                    f64::from(self.carried != Some(Load::Nothing))
+                }
+                (_, Load::Nothing) => 1.0,
+            };
         }
         sensed
+    }
+
+    /// Forgets what the gripper was seen to hold, for another episode.
+    pub(super) fn forget_what_was_carried(&mut self) {
+        self.carried = None;
+        self.other.1.forget();
+        self.nothing.forget();
     }
 
     /// Forgets what was seen, for another stage.

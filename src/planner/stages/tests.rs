@@ -142,7 +142,8 @@ fn what_an_empty_gripper_let_go_of_is_due_once_a_later_task_is_seen() {
     };
     let run = |seen: [GraspSight; 2]| {
         let mut stages = Stages::new(4, &[2]);
-        stages.know_what_holds(vec![false, true, false, true]);
+        let (nothing, something) = (Load::Nothing, Load::Something);
+        stages.know_loads(vec![nothing, something, nothing, something]);
         stages.accept(1);
         let believe = |stage: usize, stages: &mut Stages| {
             let mut believed = [0.0; 4];
@@ -163,7 +164,12 @@ fn what_an_empty_gripper_let_go_of_is_due_once_a_later_task_is_seen() {
             .filter_map(|_| believe(3, &mut stages))
             .collect::<Vec<_>>()
     };
-    let sight = |open, empty, held| GraspSight { open, empty, held };
+    let sight = |open, empty, held| GraspSight {
+        open,
+        empty,
+        held,
+        thing: 0,
+    };
     let (empty, held) = (sight(0.0, 0.95, 0.05), sight(0.0, 0.1, 0.9));
     let unsure = sight(0.1, 0.6, 0.3);
     let advanced = StageChange::Advanced { to: 3 };
@@ -173,6 +179,49 @@ fn what_an_empty_gripper_let_go_of_is_due_once_a_later_task_is_seen() {
     let advanced = [advanced];
     assert_eq!(run([empty, held]), advanced);
     assert_eq!(run([held, unsure]), advanced);
+}
+
+#[test]
+fn a_thing_of_another_task_in_the_gripper_speaks_against_what_is_held_and_put_away_later() {
+    let run = |seen: &[GraspSight], loads: [Load; 3]| {
+        let mut stages = Stages::new(3, &[]);
+        stages.know_loads(loads.to_vec());
+        stages.accept(0);
+        for sight in seen {
+            stages.note_grasp(*sight);
+        }
+        let last = seen.last().copied().expect("something is seen");
+        stages.weighed(vec![1.0; 3], last)
+    };
+    let sight = |open: f64, thing| GraspSight {
+        open,
+        empty: 0.0,
+        held: 1.0 - open,
+        thing,
+    };
+    let loads = [Load::Nothing, Load::Thing(1), Load::Nothing];
+    let (mine, other, open) = (sight(0.0, 1), sight(0.0, 0), sight(1.0, 0));
+    assert_eq!(run(&[mine, mine], loads), [1.0, 1.0, 1.0]);
+    assert_eq!(run(&[other, other], loads), [1.0, 0.0, 0.0]);
+    assert_eq!(run(&[other, other, open], loads), [1.0, 1.0, 0.0]);
+    assert_eq!(
+        run(&[other, open], loads),
+        [1.0, 1.0, 1.0],
+        "seen once only"
+    );
+    assert_eq!(run(&[other, other, mine, mine], loads), [1.0, 1.0, 1.0]);
+    let empty = GraspSight {
+        empty: 1.0,
+        held: 0.0,
+        ..sight(0.0, 0)
+    };
+    assert_eq!(
+        run(&[mine, mine, empty, empty, open], loads),
+        [1.0, 1.0, 0.0]
+    );
+    let unknown = [Load::Nothing, Load::Something, Load::Nothing];
+    assert_eq!(run(&[other, other], unknown), [1.0, 1.0, 1.0]);
+    assert_eq!(run(&[empty, empty, open], unknown), [1.0, 1.0, 0.0]);
 }
 
 #[test]
@@ -190,13 +239,14 @@ fn an_empty_gripper_falls_back_at_once_and_its_stage_is_out_of_question_until_it
         open: 0.0,
         empty,
         held: 1.0 - empty,
+        thing: 0,
     };
     let (empty, held) = (sight(0.95), sight(0.05));
     let believed = [0.0, 1.0, 0.0];
     let view = plainly(&believed);
     let run = |options: &FilterOptions| {
         let mut stages = Stages::new(3, &[]);
-        stages.know_what_holds(vec![false, true, false]);
+        stages.know_loads(vec![Load::Nothing, Load::Something, Load::Nothing]);
         stages.accept(1);
         let mut look = |sight| {
             stages.note_grasp(sight);

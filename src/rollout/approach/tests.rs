@@ -437,7 +437,13 @@ fn a_closing_that_is_seen_to_hold_nothing_is_tried_again_a_step_farther() {
         for empty in sights {
             let (open, held) = (0.0, 1.0 - empty);
             let empty = *empty;
-            approach.feel(GraspSight { open, empty, held });
+            let thing = 0;
+            approach.feel(GraspSight {
+                open,
+                empty,
+                held,
+                thing,
+            });
         }
         let next = approach.depart(|_| false).map(|c| NAMES[c]);
         let place = Point3::new(0.5, 0.0, 0.3);

@@ -103,7 +103,9 @@ pub fn demonstrate_on(
 mod tests {
     use super::*;
     use crate::simulator::bedroom::BedroomConfig;
+    use crate::simulator::truth::Insight;
     use crate::simulator::variation::{Leftovers, Level};
+    use crate::simulator::world::Graspable;
 
     /// Slips and missed grasps make a demonstration longer, and some fail by them; `catena record` leaves
     /// those out.
@@ -135,6 +137,54 @@ mod tests {
             });
             assert!(put_right.count() >= 3, "{task:?}");
         }
+    }
+
+    #[test]
+    fn a_dry_run_goes_through_the_motions_with_an_empty_gripper() {
+        let dry = Habits {
+            dry_run: true,
+            ..sure()
+        };
+        for task in BedroomTask::ALL {
+            let mut room = Bedroom::new(BedroomConfig::paper(task));
+            room.arrange(4);
+            let insight = room.insight();
+            let mut operator = Operator::new(task, &insight, dry, 4);
+            let mut carried_m = 0.0_f32;
+            let taken_from = loose_things(&insight);
+            for _ in 0..LONGEST_STEPS {
+                let before = room.insight();
+                let primitive = operator.next(&before);
+                room.act(primitive);
+                let after = room.insight();
+                let holds_loose = after.held.is_some_and(|held| held != Graspable::Drawer);
+                assert!(!holds_loose, "{task:?} holds {:?}", after.held);
+                if after.gripper_shut && after.held.is_none() {
+                    let [x, y] = [0, 1].map(|axis| after.base_m[axis] - before.base_m[axis]);
+                    carried_m += x.hypot(y);
+                }
+                if primitive == Primitive::Terminate {
+                    break;
+                }
+            }
+            let insight = room.insight();
+            assert!(
+                carried_m > 0.5,
+                "{task:?}: empty over {carried_m} m only"
+            );
+            assert!(!insight.gripper_shut && !insight.truth.is_done(task));
+            for (was, is) in taken_from.iter().zip(loose_things(&insight)) {
+                let moved_m = (0..3).map(|axis| (was[axis] - is[axis]).abs());
+                assert!(
+                    moved_m.fold(0.0, f32::max) < 0.5,
+                    "{task:?}: {was:?}, {is:?}"
+                );
+            }
+        }
+    }
+
+    fn loose_things(insight: &Insight) -> [[f32; 3]; 3] {
+        [insight.sock_m, insight.can_m, insight.tissue_m]
     }
 
     #[test]

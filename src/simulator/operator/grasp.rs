@@ -43,6 +43,15 @@ pub(super) struct Misjudgement {
 }
 
 impl Misjudgement {
+    /// Closes the gripper as soon as it is in line, however far away.
+    pub(super) const fn here() -> Self {
+        Self {
+            early_steps: u8::MAX,
+            beyond_m: 0.0,
+            left_m: 0.0,
+        }
+    }
+
     /// How many primitives back give room to put it right.
     pub(super) const fn retreats(&self) -> u32 {
         if self.early_steps > 0 { 0 } else { 2 }

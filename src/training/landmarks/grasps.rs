@@ -10,31 +10,39 @@ use crate::trajectory::{CameraSpec, MountedOn, RobotGeometry};
 
 /// Side of the square of the picture that is looked at, with the gripper in its middle, beside the picture's height.
 const SIDE: f32 = 0.8;
-/// Least states that show a gripper closed on nothing.
+/// The class of grippers that closed on nothing.
+const EMPTY: usize = 1;
+/// Least states that show one.
 const LEAST_EMPTY: usize = 10;
 /// Weight of the squared weights against the summed loss.
 const RIDGE: f64 = 3.0;
 /// Added to the spread of a value, 0..=1, so that one that hardly changes does not count for much.
 const LEAST_SPREAD: f32 = 0.05;
 
-/// What demonstrations show of their grippers; none without a camera that a gripper carries, or where too few
-/// of them closed on nothing.
+/// What demonstrations, and dry runs beside them, show of their grippers; none without a camera that a gripper
+/// carries, or where too few of them closed on nothing.
 pub(super) fn grasp_sense(
     data: &Dataset,
+    dry_runs: Option<&Dataset>,
     config: &LandmarkConfig,
     imitation: &ImitationConfig,
 ) -> Option<GraspSense> {
-    let mut cameras = data.cameras().iter();
-    let (camera, region) =
-        cameras.find_map(|camera| Some((camera, region(&config.robot, camera)?)))?;
-    let classes = classes(data, imitation);
-    if classes[1].len() < LEAST_EMPTY || classes[0].is_empty() || classes.len() < 3 {
+    let (camera, region) = carried_camera(data, config)?;
+    let (classes, things) = classes(data, imitation);
+    let of = |states: Vec<StateRef>, shown| states.into_iter().map(move |at| (shown, at));
+    let mut classes: Vec<Vec<(&Dataset, StateRef)>> = (classes.into_iter())
+        .map(|states| of(states, data).collect())
+        .collect();
+    if let Some(runs) = dry_runs {
+        classes[EMPTY].extend(of(empty_states(runs, imitation), runs));
+    }
+    if classes[EMPTY].len() < LEAST_EMPTY || classes[0].is_empty() || classes.len() < 3 {
         return None;
     }
     let (mut targets, mut rows) = (Vec::new(), Vec::new());
     for (class, states) in classes.iter().enumerate() {
-        for at in evenly(states, ROWS_A_CLASS) {
-            let image = data.observation(at).image(&camera.name).ok()?;
+        for (shown, at) in evenly(states, ROWS_A_CLASS) {
+            let image = shown.observation(at).image(&camera.name).ok()?;
             rows.push(grasp_values(image, region));
             targets.push(class);
         }
@@ -52,8 +60,18 @@ pub(super) fn grasp_sense(
         region,
         weights: weights.collect(),
         intercepts: intercepts.collect(),
+        things,
         mean,
     })
+}
+
+/// The camera that the gripper carries, and the part of its picture that shows the gripper.
+pub(super) fn carried_camera<'a>(
+    data: &'a Dataset,
+    config: &LandmarkConfig,
+) -> Option<(&'a CameraSpec, [f32; 4])> {
+    let mut cameras = data.cameras().iter();
+    cameras.find_map(|camera| Some((camera, region(&config.robot, camera)?)))
 }
 
 /// The part of a picture that shows the gripper, for a camera that the gripper carries.
@@ -75,9 +93,24 @@ fn region(robot: &RobotGeometry, camera: &CameraSpec) -> Option<[f32; 4]> {
     ])
 }
 
+/// The states of dry runs whose gripper is closed, but for closings that reached a subgoal: a handle that was pulled.
+pub(super) fn empty_states(runs: &Dataset, imitation: &ImitationConfig) -> Vec<StateRef> {
+    let mut empty = Vec::new();
+    for trajectory in 0..runs.trajectory_count() as u32 {
+        let last = runs.steps(trajectory).saturating_sub(1);
+        let events = runs.gripper_events(trajectory);
+        let closings = closings(events, runs.marker_steps(trajectory), imitation);
+        for closing in closings.filter(|closing| closing.outcome != Outcome::Held) {
+            let steps = closing.closed as u32 + 1..=closing.opened.unwrap_or(last) as u32;
+            empty.extend(steps.map(|step| StateRef { trajectory, step }));
+        }
+    }
+    empty
+}
+
 /// States with an open gripper, states with one that closed on nothing, and those of each task that show
-/// something held.
-fn classes(data: &Dataset, imitation: &ImitationConfig) -> Vec<Vec<StateRef>> {
+/// something held; with the names of these tasks.
+fn classes(data: &Dataset, imitation: &ImitationConfig) -> (Vec<Vec<StateRef>>, Vec<String>) {
     let mut classes = vec![Vec::new(); 2];
     for trajectory in 0..data.trajectory_count() as u32 {
         let events = data.gripper_events(trajectory);
@@ -97,7 +130,7 @@ fn classes(data: &Dataset, imitation: &ImitationConfig) -> Vec<Vec<StateRef>> {
         for closing in closings(events, markers, imitation) {
             let opened = closing.opened.unwrap_or(last);
             match closing.outcome {
-                Outcome::Missed => classes[1].extend(states(closing.closed + 1, opened)),
+                Outcome::Missed => classes[EMPTY].extend(states(closing.closed + 1, opened)),
                 Outcome::Held => {
                     let taken = markers.iter().find(|step| **step > closing.closed);
                     let class = 2 + data.set_of(trajectory);
@@ -108,9 +141,13 @@ fn classes(data: &Dataset, imitation: &ImitationConfig) -> Vec<Vec<StateRef>> {
             }
         }
     }
-    let held = classes.split_off(2);
-    classes.extend(held.into_iter().filter(|states| !states.is_empty()));
-    classes
+    let held = classes.split_off(2).into_iter().zip(data.tasks());
+    let mut things = Vec::new();
+    for (states, task) in held.filter(|(states, _)| !states.is_empty()) {
+        classes.push(states);
+        things.push(task.clone());
+    }
+    (classes, things)
 }
 
 /// Mean of each value, and its spread.
@@ -131,36 +168,94 @@ fn moments(rows: &[Vec<f32>]) -> (Vec<f32>, Vec<f32>) {
 mod tests {
     use super::*;
     use crate::simulator::{Bedroom, BedroomConfig, BedroomTask, Habits, demonstrate_on};
-    use crate::trajectory::{DemonstrationSet, Trajectory};
+    use crate::training::TrainedModel;
+    use crate::training::landmarks::Landmarks;
+    use crate::trajectory::DemonstrationSet;
 
-    fn shown(seeds: std::ops::Range<u64>) -> Vec<Trajectory> {
+    const MISSES: Habits = Habits {
+        overshoot: 0.0,
+        hesitation: 0.0,
+        missed_grasp: 1.0,
+        missed_from_above: 0.7,
+        late_notice: 0.3,
+        slip: 0.0,
+        slip_again: 0.0,
+        dry_run: false,
+    };
+    const DRY: Habits = Habits {
+        dry_run: true,
+        ..MISSES
+    };
+
+    fn set(seeds: std::ops::Range<u64>, habits: Habits) -> DemonstrationSet {
         let task = BedroomTask::Sock;
-        let habits = Habits {
-            missed_grasp: 1.0,
-            slip: 0.0,
-            ..Habits::default()
-        };
         let one = |seed| {
             let mut room = Bedroom::new(BedroomConfig::paper(task));
             room.arrange(seed);
             let shown = demonstrate_on(&mut room, task, habits, seed).unwrap();
             shown.trajectory
         };
-        seeds.map(one).collect()
+        DemonstrationSet::new("sock", seeds.map(one).collect()).unwrap()
+    }
+
+    #[test]
+    fn dry_runs_teach_an_empty_gripper_wherever_it_is_carried() {
+        let mut config = crate::training::Preset::Bedroom.config();
+        config.landmarks = Some(LandmarkConfig::bedroom());
+        let shown = [set(1..17, MISSES)];
+        let data = Dataset::new(&shown).unwrap();
+        let mut model = TrainedModel::untrained(&data, &config);
+        model.landmarks = Landmarks::book(&data, &config, &model.pictures().grids, &[1.0; 8]);
+        let other = Dataset::new(&[set(40..44, DRY)]).unwrap();
+        let empty = empty_states(&other, &config.imitation);
+        let seen_empty = |model: &TrainedModel| {
+            let book = model.landmarks.as_ref().unwrap();
+            let sense = book.grasp.as_ref().expect("it is learnt");
+            let looks = empty.iter().map(|at| sense.look(other.observation(*at)));
+            let told = looks.filter(|sight| sight.is_some_and(|s| s.empty > 0.7));
+            told.count() as f64 / empty.len() as f64
+        };
+        let before = seen_empty(&model);
+        let runs = [set(30..36, DRY)];
+        let learnt = model.learn_empty_gripper(&shown, &runs).unwrap();
+        let after = seen_empty(&model);
+        assert!(learnt > 6 * 20, "{learnt} states of six dry runs");
+        assert!(
+            after > 0.9 && after > before,
+            "{before} before, {after} after"
+        );
+
+        let sure = Habits {
+            missed_from_above: 0.0,
+            ..MISSES
+        };
+        let sure = set(50..52, sure);
+        let refused = model.learn_empty_gripper(&shown, &[sure]).unwrap_err();
+        assert!(
+            refused.to_string().contains("every closing reached"),
+            "{refused}"
+        );
+        model.config.cameras = vec!["head".to_owned()];
+        let refused = model.learn_empty_gripper(&shown, &runs).unwrap_err();
+        assert!(refused.to_string().contains("no camera"), "{refused}");
+        model.landmarks = None;
+        let refused = model.learn_empty_gripper(&shown, &runs).unwrap_err();
+        assert!(refused.to_string().contains("no landmarks"), "{refused}");
     }
 
     #[test]
     fn grippers_of_other_demonstrations_are_told() {
-        let data = |seeds| Dataset::new(&[DemonstrationSet::new("sock", shown(seeds)).unwrap()]);
+        let data = |seeds| Dataset::new(&[set(seeds, MISSES)]);
         let imitation = crate::training::Preset::Bedroom.config().imitation;
         let config = LandmarkConfig::bedroom();
         let learnt = data(1..17).unwrap();
-        let empty = classes(&learnt, &imitation)[1].len();
+        let empty = classes(&learnt, &imitation).0[EMPTY].len();
         assert!(empty >= LEAST_EMPTY, "{empty} states closed on nothing");
-        let sense = grasp_sense(&learnt, &config, &imitation).expect("some close on nothing");
+        let sense = grasp_sense(&learnt, None, &config, &imitation).expect("some close on nothing");
         assert_eq!(sense.misfit(learnt.cameras()), None);
+        assert_eq!(sense.thing_of("sock"), Some(0));
         let other = data(17..27).unwrap();
-        for (class, states) in classes(&other, &imitation).iter().enumerate() {
+        for (class, states) in classes(&other, &imitation).0.iter().enumerate() {
             let told = states.iter().map(|at| {
                 let sight = sense.look(other.observation(*at));
                 let sight = sight.expect("the wrist sees");
@@ -171,7 +266,7 @@ mod tests {
         }
         let never = ImitationConfig::default();
         assert!(
-            grasp_sense(&learnt, &config, &never).is_none(),
+            grasp_sense(&learnt, None, &config, &never).is_none(),
             "nothing is known to be missed"
         );
     }
