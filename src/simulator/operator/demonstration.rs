@@ -168,10 +168,7 @@ mod tests {
                 }
             }
             let insight = room.insight();
-            assert!(
-                carried_m > 0.5,
-                "{task:?}: empty over {carried_m} m only"
-            );
+            assert!(carried_m > 0.5, "{task:?}: empty over {carried_m} m only");
             assert!(!insight.gripper_shut && !insight.truth.is_done(task));
             for (was, is) in taken_from.iter().zip(loose_things(&insight)) {
                 let moved_m = (0..3).map(|axis| (was[axis] - is[axis]).abs());
