@@ -40,6 +40,8 @@ pub(super) struct Approach {
     closed_steps: u32,
     /// Looks in a row, since the gripper closed, that showed it empty.
     empty_looks: usize,
+    /// Whether demonstrations lift what the last closing took.
+    is_lifting: bool,
     /// Closings of this stage that were seen to hold nothing.
     misses: usize,
     /// The landmark at which the gripper is about to close.
@@ -94,6 +96,7 @@ impl Approach {
             closings: 0,
             closed_steps: 0,
             empty_looks: 0,
+            is_lifting: false,
             misses: 0,
             closing: None,
             departure: Vec::new(),
@@ -122,6 +125,7 @@ impl Approach {
             (self.closed_steps, self.empty_looks) = (0, 0);
             if let Some(number) = self.closing.take() {
                 self.departure = self.shown.departure(number).iter().rev().copied().collect();
+                self.is_lifting = self.lifts(number);
             }
         } else if Some(class) == self.keys.open {
             self.is_closed = false;

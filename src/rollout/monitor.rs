@@ -24,8 +24,13 @@ pub struct Monitor<'a> {
     near_probability: f32,
     history: Vec<Arc<Observation>>,
     step: usize,
-    is_lost: bool,
+    /// Steps for which the robot has been lost.
+    lost_steps: u32,
 }
+
+/// A robot is said to be lost once it was for so many steps in a row: nearly all runs that succeed have shorter spells,
+/// where the robot stands as no demonstration did.
+const TOLD_LOST_STEPS: u32 = 6;
 
 /// What a monitor made of one observation.
 #[derive(Clone, Debug)]
@@ -98,7 +103,7 @@ impl<'a> Monitor<'a> {
             near_probability: options.near_probability,
             history: Vec::new(),
             step: 0,
-            is_lost: false,
+            lost_steps: 0,
         })
     }
 
@@ -107,7 +112,7 @@ impl<'a> Monitor<'a> {
         self.filter.reset();
         self.history.clear();
         self.step = 0;
-        self.is_lost = false;
+        self.lost_steps = 0;
     }
 
     /// The belief and the stage.
@@ -157,8 +162,9 @@ impl<'a> Monitor<'a> {
         let grasp = sense.and_then(|sense| sense.look(self.history.last()?));
         let before = self.filter.stage();
         let localisation = self.filter.look(&distances, latent.row(0), grasp);
-        let events = self.events(before, &localisation);
-        self.is_lost = localisation.is_lost;
+        let mut events = Vec::new();
+        events.extend(self.note_lost(localisation.is_lost));
+        events.extend(self.events(before, &localisation));
         self.step += 1;
         Ok(Sight {
             latent,
@@ -171,17 +177,20 @@ impl<'a> Monitor<'a> {
         })
     }
 
+    /// Counts the steps for which the robot is lost; that it is, or no longer is, where that is worth a word.
+    fn note_lost(&mut self, is_lost: bool) -> Option<Event> {
+        let (step, before) = (self.step, self.lost_steps);
+        self.lost_steps = if is_lost { before + 1 } else { 0 };
+        if self.lost_steps == TOLD_LOST_STEPS {
+            return Some(Event::Lost { step });
+        }
+        (before >= TOLD_LOST_STEPS && !is_lost).then_some(Event::Found { step })
+    }
+
     /// What the filter noticed, in words; the stage was `before`.
     fn events(&self, before: usize, localisation: &Localisation) -> Vec<Event> {
         let step = self.step;
         let mut events = Vec::new();
-        if localisation.is_lost != self.is_lost {
-            events.push(if localisation.is_lost {
-                Event::Lost { step }
-            } else {
-                Event::Found { step }
-            });
-        }
         let confidence = |stage: usize| {
             let beyond: f64 = localisation.stage_probabilities[stage..].iter().sum();
             beyond as f32
@@ -356,6 +365,24 @@ mod tests {
             })
             .collect();
         assert_eq!(reached, ["first", "second", "third"]);
+    }
+
+    #[test]
+    fn a_robot_that_is_lost_for_long_is_said_to_be_and_to_be_found_again() {
+        let of_spell = |steps: usize| {
+            let walk = (0..5).chain(std::iter::repeat_n(90, steps)).chain(5..9);
+            let told = told(walk).into_iter();
+            told.filter(|event| matches!(event, Event::Lost { .. } | Event::Found { .. }))
+                .map(|event| event.to_string())
+                .collect::<Vec<_>>()
+        };
+        let patience = FilterOptions::default().lost_patience as usize;
+        let long = patience - 1 + TOLD_LOST_STEPS as usize;
+        assert!(of_spell(long - 1).is_empty());
+        let said = of_spell(long);
+        assert_eq!(said.len(), 2, "{said:?}");
+        assert_eq!(said[0], format!("step {}: lost", 5 + long - 1));
+        assert_eq!(said[1], format!("step {}: found again", 5 + long));
     }
 
     #[test]

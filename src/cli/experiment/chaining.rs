@@ -99,6 +99,7 @@ fn rate(cell: &ChainingCell) -> Rate {
         label: cell.method.described().to_owned(),
         rate: cell.success_rate,
         interval: cell.interval_95,
+        stands_out: cell.method == ChainingMethod::Ours,
     }
 }
 

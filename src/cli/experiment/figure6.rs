@@ -221,6 +221,7 @@ fn draw(out: &Path, cells: &[CertaintyCell]) -> Result<(), CliError> {
                 label: format!("{}: {name}", cell.method),
                 rate: *p,
                 interval: [(p - deviation).max(0.0), (p + deviation).min(1.0)],
+                stands_out: cell.method == OURS.name,
             });
         }
     }

@@ -115,6 +115,7 @@ impl Table {
                 label: format!("{described}, {demonstrations} demonstrations"),
                 rate,
                 interval,
+                stands_out: *name == self.methods[0].name,
             })
         };
         let rates: Vec<Rate> = rows.iter().filter_map(bar).collect();

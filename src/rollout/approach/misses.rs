@@ -12,10 +12,10 @@ const ALONG: f32 = 0.5;
 
 /// Closings that held nothing, or are seen as if they did.
 impl Approach {
-    /// What is seen of the gripper now: one that is on its way from a closing with nothing in it tries again at once,
-    /// while what slipped lies where it did.
+    /// What is seen of the gripper now: one that lifts nothing on its way from a closing tries again at once, while what
+    /// slipped lies where it did. A handle that is pulled lies between fingers that are all but closed, as nothing does.
     pub(in crate::rollout) fn feel(&mut self, sight: GraspSight) {
-        if self.departure.is_empty() || !self.is_closed {
+        if self.departure.is_empty() || !self.is_closed || !self.is_lifting {
             return;
         }
         self.empty_looks = if sight.empty >= EMPTY {
@@ -27,6 +27,12 @@ impl Approach {
             self.misses += 1;
             self.let_go();
         }
+    }
+
+    /// Whether demonstrations lift what they take at a closing.
+    pub(super) fn lifts(&self, number: usize) -> bool {
+        let up = self.keys.axes[2][1].map(|(class, _)| class);
+        up.is_some_and(|up| self.shown.departure(number).contains(&up))
     }
 
     /// A gripper that holds nothing is opened next.

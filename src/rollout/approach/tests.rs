@@ -428,10 +428,11 @@ fn the_base_is_driven_up_where_the_arm_would_reach_too_far_and_the_gripper_is_no
 
 #[test]
 fn a_closing_that_is_seen_to_hold_nothing_is_tried_again_a_step_farther() {
-    let actions = ["gripper_close", "end_effector_up", "base_backward"];
-    let after = |sights: &[f64]| {
+    let lifted = ["gripper_close", "end_effector_up", "base_backward"];
+    let pulled = ["gripper_close", "base_backward", "base_backward"];
+    let after = |actions: &[&str; 3], sights: &[f64]| {
         let made = landmark(true, [1.0, 0.0, 0.0]);
-        let mut approach = shown(&actions, vec![(0, 0)], vec![made]);
+        let mut approach = shown(actions, vec![(0, 0)], vec![made]);
         approach.chosen(class("gripper_close"), &goal(0));
         approach.note(class("gripper_close"));
         for empty in sights {
@@ -450,9 +451,16 @@ fn a_closing_that_is_seen_to_hold_nothing_is_tried_again_a_step_farther() {
         let tried = approach.tried(&approach.book.landmarks[0], &place);
         (next, ((tried.x - place.x) * 100.0).round())
     };
-    assert_eq!(after(&[0.9, 0.9]), (Some("gripper_open"), 3.0));
-    assert_eq!(after(&[0.9, 0.1, 0.9]), (Some("end_effector_up"), 0.0));
-    assert_eq!(after(&[0.6, 0.6, 0.6]), (Some("end_effector_up"), 0.0));
+    assert_eq!(after(&lifted, &[0.9, 0.9]), (Some("gripper_open"), 3.0));
+    assert_eq!(
+        after(&lifted, &[0.9, 0.1, 0.9]),
+        (Some("end_effector_up"), 0.0)
+    );
+    assert_eq!(
+        after(&lifted, &[0.6, 0.6, 0.6]),
+        (Some("end_effector_up"), 0.0)
+    );
+    assert_eq!(after(&pulled, &[0.9, 0.9]), (Some("base_backward"), 0.0));
 }
 
 #[test]

@@ -123,10 +123,12 @@ impl Approach {
         let landmark = &self.book.landmarks[number];
         let (class, drive_m) = self.keys.drives[1]?;
         let [least, most] = landmark.reach_m[0];
-        let up = self.keys.axes[2][1].map(|(class, _)| class);
-        let lifts = up.is_some_and(|up| self.shown.departure(number).contains(&up));
         let step = self.keys.axes[0][1].map_or(0.0, |(_, step)| step);
-        let beyond = if lifts { NEAR_STEPS * step } else { REACH_M };
+        let beyond = if self.lifts(number) {
+            NEAR_STEPS * step
+        } else {
+            REACH_M
+        };
         let is_far = place.x > most + beyond && from.norm() < FAR_FROM_M;
         if !is_far || place.x - drive_m <= least - REACH_M {
             return None;

@@ -15,6 +15,8 @@ pub struct Rate {
     pub rate: f64,
     /// Low and high.
     pub interval: [f64; 2],
+    /// Whether its bar stands out from those that it is compared with.
+    pub stands_out: bool,
 }
 
 const WIDTH: f32 = 900.0;
@@ -47,7 +49,7 @@ pub fn rates_svg(rates: &[Rate], title: &str, compared: Option<(&str, f64)>) -> 
         canvas.text(x, bottom + 20.0, set, &format!("{percent} %"));
     }
     for (row, rate) in rates.iter().enumerate() {
-        bar(&mut canvas, rate, TOP + row as f32 * ROW, row, left, &at);
+        bar(&mut canvas, rate, TOP + row as f32 * ROW, left, &at);
     }
     if let Some((label, share)) = compared {
         let x = at(share);
@@ -66,9 +68,9 @@ pub fn rates_svg(rates: &[Rate], title: &str, compared: Option<(&str, f64)>) -> 
     canvas.finish()
 }
 
-fn bar(canvas: &mut Canvas, rate: &Rate, top: f32, row: usize, left: f32, at: &dyn Fn(f64) -> f32) {
+fn bar(canvas: &mut Canvas, rate: &Rate, top: f32, left: f32, at: &dyn Fn(f64) -> f32) {
     let middle = top + BAR / 2.0 + 4.0;
-    let colour = if row == 0 {
+    let colour = if rate.stands_out {
         palette::task(0)
     } else {
         palette::task(5)
@@ -126,6 +128,7 @@ mod tests {
             label: "same".to_owned(),
             rate,
             interval: [0.0, 1.0],
+            stands_out: true,
         };
         let width = |share: f64| -> f32 {
             let svg = rates_svg(&[rate(share)], "rates", None);
