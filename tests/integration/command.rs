@@ -394,7 +394,7 @@ fn shortcuts_are_looked_for_with_the_planner_and_the_states_that_are_asked_for()
     let file = short_run(folder.path());
     let evaluate = |more: &[&str]| {
         let words = ["evaluate", "shortcuts", "--composition", path(&file)];
-        succeeded(&[&words, &["--nearest-states", "50"], more].concat())
+        succeeded(&[&words[..], &["--nearest-states", "50"], more].concat())
     };
     let json = evaluate(&["--episodes", "3", "--planner", "unconstrained", "--json"]);
     let report: serde_json::Value = serde_json::from_str(&json).expect("JSON");
