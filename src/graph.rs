@@ -35,7 +35,6 @@ pub use edge::{Edge, EdgeKind};
 pub use error::GraphError;
 pub use index::ConnectionIndex;
 pub use learned::LearnedEdges;
-pub(crate) use learned::most_probable_class;
 pub(crate) use logistic::{Logistic, ROWS_A_CLASS, evenly};
 pub use merge::{MergeOptions, MergeReport, Merged, SeamReport, merge};
 pub use node::{Node, NodeId};

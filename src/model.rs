@@ -19,8 +19,8 @@ pub use baseline::{
 };
 pub use encoder::Encoder;
 pub use error::ModelError;
+pub(crate) use grasp_sense::grasp_values;
 pub use grasp_sense::{GraspSense, GraspSight};
-pub(crate) use grasp_sense::{grasp_values, most_probable};
 pub(crate) use landmark_book::median;
 pub use landmark_book::{
     HIDDEN_M, LANDMARK_VALUES, Landmark, LandmarkBook, LandmarkSight, LandmarkView,
@@ -35,6 +35,6 @@ pub(crate) use manifest::{file_digests, indented_json};
 pub use policy::{ActionDistribution, LocalPolicy};
 pub use spec::ModelSpec;
 pub use temperature::temper;
-pub(crate) use temperature::{best_temperature, softmax};
+pub(crate) use temperature::{best_temperature, most_probable, softmax};
 pub(crate) use traversability::BLOCK_PAIRS;
 pub use traversability::{Projections, StepDistributions, Traversability, predict_in_blocks};

@@ -59,7 +59,7 @@ pub use dataset::{Dataset, StateRef};
 pub use device::training_device;
 pub use error::TrainingError;
 pub use export::{export, export_baseline};
-pub use landmarks::LandmarkConfig;
+pub use landmarks::{LandmarkConfig, check_dry_runs};
 pub use network::LatentFlowNetwork;
 pub use normalisation::ChannelNormalisation;
 pub use observer::{SilentObserver, StepLosses, TrainingEvent, TrainingObserver};

@@ -10,7 +10,7 @@ use super::loaded::{read_demonstrations, read_options};
 use super::progress;
 use super::training_config::{preset, training_config, write_run};
 use crate::storage::{ReadOptions, Recordings};
-use crate::training::{TrainingEvent, TrainingObserver, export, train as fit};
+use crate::training::{TrainingEvent, TrainingObserver, check_dry_runs, export, train as fit};
 use crate::trajectory::{ActionDimension, ActionSpace, Binning, DemonstrationSet};
 
 /// `catena train`: demonstrations to a model in a folder of ONNX files.
@@ -38,6 +38,9 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
     );
     let config = training_config(arguments, &sets)?;
     config.check()?;
+    if !dry_runs.is_empty() {
+        check_dry_runs(&config, &sets, &dry_runs)?;
+    }
     if !run_folder.join(CHECKPOINT).exists() {
         write_run(&run_folder, &config, config.seed, &digests)?;
     }

@@ -1,8 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Forecast, Reliability};
-use crate::graph::most_probable_class;
-use crate::model::{best_temperature, temper};
+use crate::model::{best_temperature, most_probable, temper};
 
 /// Temperatures among which the best one is looked for.
 const TEMPERATURES: (f64, f64) = (0.2, 20.0);
@@ -131,7 +130,7 @@ impl JudgedPair {
     }
 
     fn top_class(&self) -> Forecast {
-        let top = most_probable_class(&self.probabilities);
+        let top = most_probable(&self.probabilities);
         Forecast {
             confidence: f64::from(self.probabilities[top]),
             is_true: top == self.class,

@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Edge, EdgeKind};
+use crate::model::most_probable;
 
 /// Which predicted pairs become learned edges.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,7 +32,7 @@ impl LearnedEdges {
     #[must_use]
     pub fn accepts(&self, probabilities: &[f32]) -> bool {
         let far = probabilities.len() - 1;
-        most_probable_class(probabilities) < far && 1.0 - probabilities[far] >= self.min_probability
+        most_probable(probabilities) < far && 1.0 - probabilities[far] >= self.min_probability
     }
 }
 
@@ -65,21 +66,10 @@ impl Edge {
         let connected = &probabilities[..probabilities.len() - 1];
         Self {
             kind,
-            steps: most_probable_class(connected) as u32 + 1,
+            steps: most_probable(connected) as u32 + 1,
             probabilities: probabilities.to_vec(),
         }
     }
-}
-
-/// Index of the largest probability; the lowest wins a tie.
-pub(crate) fn most_probable_class(probabilities: &[f32]) -> usize {
-    let mut best = 0;
-    for (class, p) in probabilities.iter().enumerate() {
-        if *p > probabilities[best] {
-            best = class;
-        }
-    }
-    best
 }
 
 #[cfg(test)]

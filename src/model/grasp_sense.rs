@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::softmax;
+use super::{most_probable, softmax};
 use crate::trajectory::{CameraSpec, Image, Observation};
 
 /// Rows and columns that the part of the picture around the gripper is averaged to.
@@ -98,17 +98,6 @@ impl GraspSense {
         let is_known = cameras.iter().any(|camera| camera.name == self.camera);
         (!is_known).then(|| format!("a sense of grasps of the camera `{}`", self.camera))
     }
-}
-
-/// Index of the largest value; the first wins a tie, an empty slice gives 0.
-pub(crate) fn most_probable(values: &[f64]) -> usize {
-    let mut best = 0;
-    for (i, v) in values.iter().enumerate() {
-        if *v > values[best] {
-            best = i;
-        }
-    }
-    best
 }
 
 /// The values, 0..=1, of a part of a picture.

@@ -31,6 +31,17 @@ pub(crate) fn softmax(logits: &[f64]) -> Vec<f64> {
     odds.into_iter().map(|odd| odd / total).collect()
 }
 
+/// Index of the largest value; the first wins a tie, an empty slice gives 0.
+pub(crate) fn most_probable<T: PartialOrd>(values: &[T]) -> usize {
+    let mut best = 0;
+    for (i, v) in values.iter().enumerate() {
+        if v > &values[best] {
+            best = i;
+        }
+    }
+    best
+}
+
 /// The temperature within a range at which a loss is least, by golden sections of its logarithm: the
 /// loss has one minimum in the inverse temperature.
 pub(crate) fn best_temperature(

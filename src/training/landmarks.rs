@@ -11,6 +11,7 @@ mod grasps;
 
 use std::collections::HashMap;
 
+pub use dry_runs::check_dry_runs;
 use serde::{Deserialize, Serialize};
 
 use super::augmentation::Variation;

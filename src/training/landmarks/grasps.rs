@@ -169,7 +169,7 @@ mod tests {
     use super::*;
     use crate::simulator::{Bedroom, BedroomConfig, BedroomTask, Habits, demonstrate_on};
     use crate::training::TrainedModel;
-    use crate::training::landmarks::Landmarks;
+    use crate::training::landmarks::{Landmarks, check_dry_runs};
     use crate::trajectory::DemonstrationSet;
 
     const MISSES: Habits = Habits {
@@ -218,6 +218,8 @@ mod tests {
         let before = seen_empty(&model);
         let runs = [set(30..36, DRY)];
         let learnt = model.learn_empty_gripper(&shown, &runs).unwrap();
+        let told_before = check_dry_runs(&config, &shown, &runs).unwrap();
+        assert_eq!(told_before, learnt);
         let after = seen_empty(&model);
         assert!(learnt > 6 * 20, "{learnt} states of six dry runs");
         assert!(
