@@ -259,7 +259,8 @@ fn read_choice(node: &Node, reader: &mut Reader<'_>) -> Option<FinalChoice> {
             return None;
         }
         let choices = [("cheapest", 0), ("nearest", 1), ("all", 2)];
-        return Some(match reader.choice(node, "choose", &choices)? {
+        let maps = ["{demonstration: demo_007}"];
+        return Some(match reader.choice_or(node, "choose", &choices, &maps)? {
             0 => FinalChoice::Cheapest,
             1 => FinalChoice::Nearest,
             _ => FinalChoice::All,

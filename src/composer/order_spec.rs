@@ -68,11 +68,17 @@ fn read_container(
         .collect();
     let [(key, value)] = given[..] else {
         // Unknown keys were reported.
-        if !given.is_empty() || matches!(&node.value, Value::Map(entries) if entries.is_empty()) {
+        if !given.is_empty() {
             reader.ambiguous(
                 node,
                 "a container of tasks has one key",
                 "begin a new item of the list for each: '- any_order: [trash, wine]'",
+            );
+        } else if matches!(&node.value, Value::Map(entries) if entries.is_empty()) {
+            reader.ambiguous(
+                node,
+                "a container of tasks has one key, and this one has none",
+                "write what is to be done, such as {any_order: [trash, wine]}, or leave the item out",
             );
         }
         return None;

@@ -123,7 +123,8 @@ fn read_predicted_edges(node: &Node, reader: &mut Reader<'_>) -> PruneOptions {
 fn read_cost(node: &Node, reader: &mut Reader<'_>) -> Option<EdgeCost> {
     const MAX_COST: f64 = 1e6;
     if !matches!(node.value, Value::Map(_)) {
-        return reader.choice(node, "cost", &[("argmax", EdgeCost::Argmax)]);
+        let maps = ["{expected: 60}", "{risk_averse: 3}"];
+        return reader.choice_or(node, "cost", &[("argmax", EdgeCost::Argmax)], &maps);
     }
     let fields = reader.fields(node, "cost", &["expected", "risk_averse"])?;
     match (fields.value("expected"), fields.value("risk_averse")) {

@@ -225,14 +225,27 @@ impl Reader<'_> {
         what: &str,
         choices: &[(&'static str, T)],
     ) -> Option<T> {
+        self.choice_or(node, what, choices, &[])
+    }
+
+    /// One of several words where maps are possible, too, which the caller has looked for: an example of each.
+    pub(super) fn choice_or<T: Copy>(
+        &mut self,
+        node: &Node,
+        what: &str,
+        choices: &[(&'static str, T)],
+        maps: &[&'static str],
+    ) -> Option<T> {
         let words = || choices.iter().map(|(w, _)| *w);
+        let all = listed(words().chain(maps.iter().copied()));
         let Some(text) = node.as_text() else {
-            self.misfit(node, what, &format!("one of {}", listed(words())));
+            self.misfit(node, what, &format!("one of {all}"));
             return None;
         };
         let found = choices.iter().find(|(word, _)| *word == text);
         if found.is_none() {
             let help = suggestion(text, words(), "choose one of");
+            let help = [&[help.as_str()], maps].concat().join(", ");
             self.fault(&node.span, format!("{what} cannot be '{text}'"), help);
         }
         found.map(|(_, value)| *value)

@@ -222,7 +222,8 @@ fn read_found_by(node: &Node, reader: &mut Reader<'_>) -> Option<FoundBy> {
             return None;
         }
         let choices = [("marker", true), ("end", false)];
-        let is_marker = reader.choice(node, "found_by", &choices)?;
+        let maps = ["{marker: name}", "{gripper_event: close}"];
+        let is_marker = reader.choice_or(node, "found_by", &choices, &maps)?;
         return Some(if is_marker {
             FoundBy::Marker(None)
         } else {
