@@ -75,10 +75,9 @@ pub struct RecordArguments {
     /// Vary what other tasks leave behind: a drawer open or shut, a can gone.
     #[arg(long)]
     pub vary: bool,
-    /// Only go through the motions: the gripper closes beside every loose thing and is carried on empty. For
-    /// `catena train --dry-runs`.
-    #[arg(long)]
-    pub dry_run: bool,
+    /// Practise with the gripper instead, for `catena train --practice`.
+    #[arg(long, value_enum, value_name = "HOW")]
+    pub practice: Option<PracticeArgument>,
 }
 
 /// How recordings are read; goes before what a mapping file says.
@@ -140,10 +139,14 @@ pub struct TrainArguments {
     /// What to train: our model, or a baseline of the paper to compare it with.
     #[arg(long, value_enum, default_value_t = MethodArgument::Ours)]
     pub method: MethodArgument,
-    /// Recordings, as the demonstrations are given, in which the gripper only ever closes on nothing while the robot
-    /// goes through the motions of a task: teaches what an empty gripper looks like. May be given several times.
-    #[arg(long, value_name = "PATH")]
-    pub dry_runs: Vec<PathBuf>,
+    /// Recordings of practice with the gripper, as the demonstrations are given: teach what an empty gripper looks like,
+    /// and one that holds things oddly. A closing after which a subgoal was reached holds something, any other nothing.
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pub practice: Vec<PathBuf>,
+    /// Train nothing: take the networks of this model as they are, and learn anew what tells whether the gripper is
+    /// empty, from the demonstrations that the model was trained on and `--practice`.
+    #[arg(long, value_name = "MODEL", requires = "practice", conflicts_with_all = ["resume", "steps", "minutes", "config", "variant", "cameras", "seed", "method"])]
+    pub keep_networks: Option<PathBuf>,
     /// With `--method mvp`: the visual encoder, trained elsewhere, as an ONNX file with one input
     /// [n, 3, height, width] and one output [n, features]. A JSON file beside it of the same name may say
     /// mean and deviation (of 0 to 255) and the size of its pictures.
@@ -466,6 +469,15 @@ pub enum PicturesArgument {
     Png,
     /// Quality 92.
     Jpeg,
+}
+
+/// What is practised with the gripper.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PracticeArgument {
+    /// Only go through the motions: the gripper closes beside every loose thing and is carried on empty.
+    Dry,
+    /// Take every loose thing beside where it is best taken, so that it is held oddly.
+    Askew,
 }
 
 /// Level of variation.

@@ -35,8 +35,8 @@ pub(super) fn train_method(
     arguments: &TrainArguments,
     all: &Arguments,
 ) -> Result<(), CliError> {
-    if !arguments.dry_runs.is_empty() {
-        return Err(CliError::FlagOfOurs { flag: "--dry-runs" });
+    if !arguments.practice.is_empty() {
+        return Err(CliError::FlagOfOurs { flag: "--practice" });
     }
     let config = baseline_config(method, arguments)?;
     let frozen = frozen_encoder(method, arguments, all)?;

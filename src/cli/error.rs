@@ -209,6 +209,17 @@ pub(super) enum CliError {
         /// The one that differs.
         other: PathBuf,
     },
+    /// A model is to keep its networks, and others are to teach it.
+    #[error(
+        "{} was trained on recordings of '{task}' that are not given, or others are: it is taught with all that it was \
+         trained on, and --practice", model.display()
+    )]
+    OtherDemonstrations {
+        /// The task.
+        task: String,
+        /// The model's folder.
+        model: PathBuf,
+    },
     /// A training was begun there.
     #[error("{} holds a training already: go on with --resume, or name another folder with --run", run.display())]
     RunExists {

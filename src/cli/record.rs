@@ -2,13 +2,13 @@ use std::fs;
 
 use rayon::prelude::*;
 
-use super::arguments::{LevelArgument, RecordArguments};
+use super::arguments::{LevelArgument, PracticeArgument, RecordArguments};
 use super::error::CliError;
 use super::progress;
 use crate::experiment::counted;
 use crate::simulator::{
     Bedroom, BedroomConfig, BedroomTask, Demonstration, Habits, LONGEST_STEPS, Leftovers, Level,
-    demonstrate_on,
+    Practice, demonstrate_on,
 };
 use crate::storage::{RecordingMetadata, write_trajectory};
 
@@ -100,10 +100,10 @@ pub(super) fn record(arguments: &RecordArguments) -> Result<(), CliError> {
         "{} of {} in {} ({found} from before, {}{steps})",
         counted(
             recorded,
-            if arguments.dry_run {
-                "dry run"
-            } else {
-                "demonstration"
+            match arguments.practice {
+                Some(PracticeArgument::Dry) => "dry run",
+                Some(PracticeArgument::Askew) => "askew run",
+                None => "demonstration",
             }
         ),
         arguments.task,
@@ -133,13 +133,16 @@ fn attempt(
     let mut bedroom = Bedroom::new(config);
     bedroom.arrange(seed);
     let habits = Habits {
-        dry_run: arguments.dry_run,
+        practice: arguments.practice.map(|practice| match practice {
+            PracticeArgument::Dry => Practice::Dry,
+            PracticeArgument::Askew => Practice::Askew,
+        }),
         ..Habits::default()
     };
     let demonstration = demonstrate_on(&mut bedroom, task, habits, seed)?;
     let steps = demonstration.trajectory.steps.len();
-    // Nothing is to come of a dry run; only one that got stuck is left out.
-    let is_wanted = if arguments.dry_run {
+    // Nothing is to come of practice; only what got stuck is left out.
+    let is_wanted = if arguments.practice.is_some() {
         steps < LONGEST_STEPS
     } else {
         demonstration.succeeded && (40..=100).contains(&steps)
@@ -161,8 +164,8 @@ fn keep(
     let metadata = RecordingMetadata {
         robot: "LoCoBot (simulated)".to_owned(),
         seed: Some(seed),
-        // A dry run neither succeeds nor fails.
-        success: (!arguments.dry_run).then_some(true),
+        // Practice neither succeeds nor fails.
+        success: arguments.practice.is_none().then_some(true),
         notes: [(BEDROOM_NOTE.to_owned(), serde_json::to_string(&config)?)].into(),
     };
     let path = arguments.out.join(file_name(task, seed));

@@ -9,8 +9,12 @@ use super::error::CliError;
 use super::loaded::{read_demonstrations, read_options};
 use super::progress;
 use super::training_config::{preset, training_config, write_run};
+use crate::experiment::counted;
 use crate::storage::{ReadOptions, Recordings};
-use crate::training::{TrainingEvent, TrainingObserver, check_dry_runs, export, train as fit};
+use crate::training::{
+    FinishedModel, GripperPractice, Practised, TrainingEvent, TrainingObserver, export,
+    train as fit,
+};
 use crate::trajectory::{ActionDimension, ActionSpace, Binning, DemonstrationSet};
 
 /// `catena train`: demonstrations to a model in a folder of ONNX files.
@@ -21,6 +25,9 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
     if arguments.frozen_encoder.is_some() {
         return Err(CliError::FrozenEncoderOfOurs);
     }
+    if let Some(model) = &arguments.keep_networks {
+        return practise(arguments, model);
+    }
     // A wrong name is told before the demonstrations are read.
     preset(arguments)?;
     let Prepared {
@@ -28,18 +35,15 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
         mut digests,
         run_folder,
     } = prepared(arguments)?;
-    let (dry_runs, of_dry_runs) = load_sets(
-        &arguments.dry_runs,
-        arguments.bins,
-        &read_options(&arguments.read),
-    )?;
-    digests.extend(
-        (of_dry_runs.into_iter()).map(|(task, digest)| (format!("dry runs of {task}"), digest)),
-    );
+    let runs = practice_runs(arguments, &mut digests)?;
+    let practice = GripperPractice {
+        runs: &runs,
+        demonstrations: &sets,
+    };
     let config = training_config(arguments, &sets)?;
     config.check()?;
-    if !dry_runs.is_empty() {
-        check_dry_runs(&config, &sets, &dry_runs)?;
+    if !runs.is_empty() {
+        practice.check(&config)?;
     }
     if !run_folder.join(CHECKPOINT).exists() {
         write_run(&run_folder, &config, config.seed, &digests)?;
@@ -49,9 +53,8 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
     };
     let mut report = fit(&sets, &config, &run_folder, &mut printer)?;
     printer.bar.finish_and_clear();
-    if !dry_runs.is_empty() {
-        let empty = report.model.learn_empty_gripper(&sets, &dry_runs)?;
-        println!("{empty} states of dry runs show a gripper that is closed on nothing");
+    if !runs.is_empty() {
+        say_practised(practice.teach(&config, report.model.landmarks.as_mut())?);
     }
     let manifest = export(&report.model, digests, &arguments.out)?;
     let metrics = &manifest.training.validation;
@@ -72,6 +75,59 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
         arguments.out.display(),
     );
     Ok(())
+}
+
+/// What the digest of practice is called beside those of demonstrations, before the name of its task.
+const PRACTICE_OF: &str = "practice of ";
+
+/// `catena train --keep-networks`: learns the sense of grasps of a finished model anew.
+fn practise(arguments: &TrainArguments, folder: &Path) -> Result<(), CliError> {
+    let read = read_options(&arguments.read);
+    let (sets, mut digests) = load_sets(&arguments.demos, arguments.bins, &read)?;
+    let finished = FinishedModel::load(folder)?;
+    let known = &finished.manifest().training.datasets;
+    let is_other = |(task, digest): &(&String, &String)| known.get(*task) != Some(*digest);
+    let other = digests.iter().find(is_other).map(|(task, _)| task);
+    let is_missing = |set: &&String| !set.starts_with(PRACTICE_OF) && !digests.contains_key(*set);
+    if let Some(task) = other.or_else(|| known.keys().find(is_missing)) {
+        return Err(CliError::OtherDemonstrations {
+            task: task.clone(),
+            model: folder.to_path_buf(),
+        });
+    }
+    let runs = practice_runs(arguments, &mut digests)?;
+    let practice = GripperPractice {
+        runs: &runs,
+        demonstrations: &sets,
+    };
+    let (manifest, practised) = finished.practised(&practice, digests, &arguments.out)?;
+    say_practised(practised);
+    println!(
+        "model {} in {}; the graphs of another are to be built anew",
+        &manifest.digest()[..12],
+        arguments.out.display()
+    );
+    Ok(())
+}
+
+fn say_practised(practised: Practised) {
+    println!(
+        "practice shows a gripper that is closed on nothing in {}, and one that holds something in {}",
+        counted(practised.empty, "state"),
+        counted(practised.held, "state"),
+    );
+}
+
+/// Practice with the gripper; its digests are noted.
+fn practice_runs(
+    arguments: &TrainArguments,
+    digests: &mut BTreeMap<String, String>,
+) -> Result<Vec<DemonstrationSet>, CliError> {
+    let read = read_options(&arguments.read);
+    let (runs, of_runs) = load_sets(&arguments.practice, arguments.bins, &read)?;
+    let named = of_runs.into_iter();
+    digests.extend(named.map(|(task, digest)| (format!("{PRACTICE_OF}{task}"), digest)));
+    Ok(runs)
 }
 
 /// What a training begins with.

@@ -75,6 +75,7 @@ impl ChainingMethod {
         match self {
             Self::NoFilter => {
                 filter.restart = 1.0;
+                filter.jump = 0.0;
                 filter.classifier_weight = 0.0;
                 filter.advance_votes = 1;
                 filter.regress_votes = filter.regress_votes.map(|_| 1);

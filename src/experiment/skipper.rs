@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::ScoredBedroom;
 use crate::environment::{Environment, EnvironmentError};
-use crate::simulator::{BedroomTask, Habits, LONGEST_STEPS, Operator, Primitive};
+use crate::simulator::{BedroomTask, Habits, LONGEST_STEPS, Operator, Practice, Primitive};
 use crate::trajectory::Observation;
 
 /// Keeps what is left out apart from how the room is arranged.
@@ -78,7 +78,7 @@ impl Skipper {
                 continue;
             }
             let habits = Habits {
-                dry_run: omission == Some(Omission::DryRun),
+                practice: (omission == Some(Omission::DryRun)).then_some(Practice::Dry),
                 ..Habits::default()
             };
             let mut operator = Operator::new(*task, &room.insight(), habits, self.seed);

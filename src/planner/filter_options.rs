@@ -12,7 +12,8 @@ pub struct FilterOptions {
     pub hurry: f64,
     /// Probability of a jump to any state at about the same time of the composition.
     pub jump: f64,
-    /// Probability of being anywhere at all, whatever was known: how fast an error is forgotten.
+    /// Probability of being anywhere at all, whatever was known: how fast an error is forgotten. With 1 here and 0 for
+    /// `jump` nothing is remembered.
     pub restart: f64,
     /// Power that likelihoods are raised to: below 1 because images that follow each other err alike.
     pub evidence_weight: f64,
@@ -39,6 +40,9 @@ pub struct FilterOptions {
     /// Whether the stage falls back as soon as a gripper that should hold something is seen to be empty, by a model
     /// that has a sense of grasps.
     pub regress_when_empty: bool,
+    /// Whether the stage advances as soon as a gripper that was open is seen to hold what the next stage should, by a
+    /// model that has a sense of grasps: a thing that is held oddly looks like nothing that was demonstrated.
+    pub advance_when_held: bool,
     /// By how many subgoals the stage may fall back at once. What the robot holds it can lose, which
     /// undoes one subgoal; what it put away before stays there, however much the room looks as it did.
     pub regress_stages: usize,
@@ -72,6 +76,7 @@ impl Default for FilterOptions {
             regress_mass: 0.85,
             regress_votes: Some(4),
             regress_when_empty: true,
+            advance_when_held: true,
             regress_stages: 1,
             lost_probability: 0.2,
             lost_patience: 4,

@@ -24,6 +24,15 @@ impl Load {
     pub(super) fn is_held(self) -> bool {
         self != Self::Nothing
     }
+
+    /// Whether a thing of that number may be what it holds.
+    pub(super) fn may_be(self, thing: usize) -> bool {
+        match self {
+            Self::Nothing => false,
+            Self::Something => true,
+            Self::Thing(own) => own == thing,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug)]

@@ -300,8 +300,12 @@ impl StageFilter {
         } else {
             self.stages.vote(&self.options, &view)
         };
-        if let Some(StageChange::Dropped { to }) = change {
-            self.spread_over(to);
+        match change {
+            Some(StageChange::Dropped { to }) => self.spread_over(to),
+            Some(StageChange::Advanced { to }) if stage_probabilities[to] < POSSIBLE => {
+                self.spread_over(to);
+            }
+            _ => {}
         }
         self.unfit_steps = if is_unfit { self.unfit_steps + 1 } else { 0 };
         self.localise(fit, stage_probabilities, change)

@@ -120,7 +120,7 @@ impl Motion {
         belief: &Belief,
         next: &mut Belief,
     ) {
-        let along = 1.0 - options.jump - options.restart;
+        let along = (1.0 - options.jump - options.restart).max(0.0);
         let mut entering = vec![0.0; self.starts.len()];
         for (here, mass) in belief.listed() {
             let step = self.step(layout, options, here);

@@ -184,7 +184,7 @@ impl Stages {
     ) -> Option<StageChange> {
         self.votes.unfit = 0;
         self.note(view);
-        if let Some(change) = self.dropped(options) {
+        if let Some(change) = self.dropped(options).or_else(|| self.taken(options)) {
             return Some(change);
         }
         let probabilities = view.probabilities;
@@ -224,7 +224,7 @@ impl Stages {
         options: &FilterOptions,
         view: &StageView<'_>,
     ) -> Option<StageChange> {
-        if let Some(change) = self.dropped(options) {
+        if let Some(change) = self.dropped(options).or_else(|| self.taken(options)) {
             return Some(change);
         }
         let to = self.now + 1;
@@ -254,6 +254,17 @@ impl Stages {
         self.set(to);
         self.grip.stay_empty();
         Some(StageChange::Dropped { to })
+    }
+
+    /// On to the next stage, where what it should hold is seen to be held.
+    fn taken(&mut self, options: &FilterOptions) -> Option<StageChange> {
+        if !(options.advance_when_held && self.grip.is_taken()) {
+            return None;
+        }
+        let to = self.now + 1;
+        self.sensed[to] = 1.0;
+        self.set(to);
+        Some(StageChange::Advanced { to })
     }
 
     /// Whether a stage is out of question, since the gripper should hold something there and was seen to be empty.

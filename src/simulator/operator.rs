@@ -38,9 +38,18 @@ pub struct Habits {
     pub slip: f64,
     /// Chance that a slip is pressed once more before it is noticed.
     pub slip_again: f64,
+    /// What the operator practises instead of demonstrating the task as well as possible.
+    pub practice: Option<Practice>,
+}
+
+/// What an operator may practise with the gripper.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Practice {
     /// Only goes through the motions: whatever lies loose is missed, and the empty gripper is carried on as if it held
     /// it.
-    pub dry_run: bool,
+    Dry,
+    /// Takes whatever lies loose beside where it is best taken, so that it is held oddly, if it is.
+    Askew,
 }
 
 impl Default for Habits {
@@ -54,7 +63,7 @@ impl Default for Habits {
             late_notice: 0.3,
             slip: 0.06,
             slip_again: 0.35,
-            dry_run: false,
+            practice: None,
         }
     }
 }
@@ -192,7 +201,7 @@ impl Operator {
         let was = |wanted| self.last.is_some_and(|(primitive, _)| primitive == wanted);
         match self.stages.get(self.current) {
             Some(Stage::Grasp(grasp)) if !was(grasp.retreat(insight)) => {
-                self.misjudged = self.habits.dry_run.then(Misjudgement::here);
+                self.misjudged = self.runs_dry().then(Misjudgement::here);
                 self.retreats_due = 2;
             }
             Some(Stage::Drive(..) | Stage::CloseIn(..)) | None => self.finish_stage(),
@@ -202,6 +211,10 @@ impl Operator {
             }
             Some(_) => self.finish_stage(),
         }
+    }
+
+    fn runs_dry(&self) -> bool {
+        self.habits.practice == Some(Practice::Dry)
     }
 
     fn finish_stage(&mut self) {
@@ -216,15 +229,17 @@ impl Operator {
         self.misjudged = match self.stages.get(self.current) {
             // A handle is hard to miss.
             Some(Stage::Grasp(grasp)) if grasp.thing != Graspable::Drawer => {
-                let chance = if self.habits.dry_run {
-                    1.0
-                } else if grasp.from_above {
-                    self.habits.missed_from_above
-                } else {
-                    self.habits.missed_grasp
+                let chance = match self.habits.practice {
+                    Some(Practice::Dry) => 1.0,
+                    _ if grasp.from_above => self.habits.missed_from_above,
+                    _ => self.habits.missed_grasp,
                 };
-                let misses = self.rng.random_bool(chance);
-                misses.then(|| grasp.misjudged(&mut self.rng))
+                if self.habits.practice == Some(Practice::Askew) {
+                    Some(Misjudgement::askew(&mut self.rng))
+                } else {
+                    let misses = self.rng.random_bool(chance);
+                    misses.then(|| grasp.misjudged(&mut self.rng))
+                }
             }
             _ => None,
         };
@@ -269,7 +284,7 @@ impl Operator {
         if insight.held == Some(grasp.thing) {
             return None;
         }
-        if insight.gripper_shut && self.habits.dry_run && grasp.thing != Graspable::Drawer {
+        if insight.gripper_shut && self.runs_dry() && grasp.thing != Graspable::Drawer {
             self.pretends = Some(grasp.thing);
             return None;
         }

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::model::{BaselineMethod, ModelError};
+use crate::model::{BaselineMethod, ManifestError, ModelError};
 use crate::trajectory::TrajectoryError;
 
 /// Why a training or an export did not come to its end.
@@ -78,12 +78,20 @@ pub enum TrainingError {
         /// What is missing.
         reason: String,
     },
-    /// Nothing can be learnt of dry runs.
+    /// A model that is to be taught more cannot be used.
+    #[error("the model in {} cannot be used: {source}", folder.display())]
+    ModelRefused {
+        /// The model's folder.
+        folder: PathBuf,
+        /// Why.
+        source: ManifestError,
+    },
+    /// Nothing can be learnt of practice with the gripper.
     #[error(
-        "nothing can be learnt of the dry runs: {reason}; in a dry run the robot goes through the motions of a task \
-         with its gripper closed on nothing (`catena record --dry-run` shows how)"
+        "nothing can be learnt of the practice with the gripper: {reason}; in it the robot goes through the motions of a \
+         task, and closes the gripper beside things or takes them askew (`catena record --practice` shows how)"
     )]
-    NoDryRuns {
+    NoPractice {
         /// What is missing.
         reason: String,
     },

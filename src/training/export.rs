@@ -10,4 +10,4 @@ mod transformer;
 
 pub use baseline::export_baseline;
 pub use files::export;
-pub(super) use files::write_beside;
+pub(super) use files::{write_beside, write_folder};

@@ -6,12 +6,12 @@
 //! cost to anybody. Finding it there teaches an encoder that a thing is a thing wherever it stands.
 
 mod book;
-mod dry_runs;
 mod grasps;
+mod practice;
 
 use std::collections::HashMap;
 
-pub use dry_runs::check_dry_runs;
+pub use practice::{GripperPractice, Practised};
 use serde::{Deserialize, Serialize};
 
 use super::augmentation::Variation;

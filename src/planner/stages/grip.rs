@@ -21,6 +21,11 @@ pub(super) struct Grip {
     is_empty: bool,
     /// What it was last seen to hold when it was closed, be it nothing; not known before it was.
     carried: Option<Load>,
+    /// Whether it was seen open since the stage began ...
+    was_open: bool,
+    /// ... and then seen to hold what the next stage should hold, and what speaks for that.
+    is_taken: bool,
+    taken: Suspicion,
     /// What it may be seen to hold instead, and what speaks for nothing.
     other: (usize, Suspicion),
     nothing: Suspicion,
@@ -34,6 +39,9 @@ impl Grip {
             held: Suspicion::new(DOUBT, CONVINCED),
             is_empty: false,
             carried: None,
+            was_open: false,
+            is_taken: false,
+            taken: Suspicion::new(DOUBT, CONVINCED),
             other: (0, Suspicion::new(DOUBT, CONVINCED)),
             nothing: Suspicion::new(DOUBT, CONVINCED),
         }
@@ -54,6 +62,11 @@ impl Grip {
         self.should_hold_and_is_empty(stage) && sight.held < HELD
     }
 
+    /// Whether what is to be held in the next stage, and not in this one, was seen to be taken.
+    pub(super) const fn is_taken(&self) -> bool {
+        self.is_taken
+    }
+
     /// Remembers in a stage in which it need not hold anything that it is empty, until it is seen to hold something.
     pub(super) fn stay_empty(&mut self) {
         self.is_empty = true;
@@ -71,6 +84,12 @@ impl Grip {
         }
         if self.nothing.add(sight.empty) {
             self.carried = Some(Load::Nothing);
+        }
+        // What is still held when a stage begins, such as a handle, was not taken in it.
+        self.was_open |= sight.open > DOUBT;
+        let next = self.loads.get(stage + 1).copied().unwrap_or(Load::Nothing);
+        if self.was_open && !self.holds(stage) && next.may_be(sight.thing) {
+            self.is_taken |= self.taken.add(sight.held);
         }
         if !self.holds(stage) && !self.is_empty {
             return;
@@ -121,5 +140,8 @@ impl Grip {
         self.empty.forget();
         self.held.forget();
         self.is_empty = false;
+        self.taken.forget();
+        self.was_open = false;
+        self.is_taken = false;
     }
 }

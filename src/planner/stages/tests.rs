@@ -182,6 +182,47 @@ fn what_an_empty_gripper_let_go_of_is_due_once_a_later_task_is_seen() {
 }
 
 #[test]
+fn a_stage_begins_when_what_it_holds_is_seen_to_be_taken() {
+    let run = |seen: &[(GraspSight, usize)], options: &FilterOptions| {
+        let mut stages = Stages::new(3, &[]);
+        stages.know_loads(vec![Load::Nothing, Load::Thing(1), Load::Nothing]);
+        stages.accept(0);
+        let looks = seen.iter().flat_map(|(sight, times)| vec![*sight; *times]);
+        let changes = looks.filter_map(|sight| {
+            stages.note_grasp(sight);
+            // What is seen is like nothing that is believed.
+            stages.vote_unfit(options, &plainly(&[1.0, 0.0, 0.0]))
+        });
+        changes.collect::<Vec<_>>()
+    };
+    let sight = |open: f64, held: f64, thing| GraspSight {
+        open,
+        empty: 1.0 - open - held,
+        held,
+        thing,
+    };
+    let (open, mine) = (sight(1.0, 0.0, 0), sight(0.0, 0.95, 1));
+    let options = FilterOptions::default();
+    let advanced = [StageChange::Advanced { to: 1 }];
+    assert_eq!(run(&[(open, 2), (mine, 4)], &options), advanced);
+    assert_eq!(
+        run(&[(open, 2), (mine, 1), (open, 3)], &options),
+        [],
+        "once"
+    );
+    assert_eq!(run(&[(mine, 9)], &options), [], "held from before");
+    let other = sight(0.0, 0.95, 0);
+    assert_eq!(run(&[(open, 2), (other, 9)], &options), [], "another thing");
+    let unsure = sight(0.0, 0.6, 1);
+    assert_eq!(run(&[(open, 2), (unsure, 9)], &options), []);
+    let never = FilterOptions {
+        advance_when_held: false,
+        ..options
+    };
+    assert_eq!(run(&[(open, 2), (mine, 9)], &never), []);
+}
+
+#[test]
 fn a_thing_of_another_task_in_the_gripper_speaks_against_what_is_held_and_put_away_later() {
     let run = |seen: &[GraspSight], loads: [Load; 3]| {
         let mut stages = Stages::new(3, &[]);

@@ -153,6 +153,23 @@ fn subgoal_without_the_one_before_is_a_shortcut_and_keeps_the_stage() {
 }
 
 #[test]
+fn a_filter_that_forgets_everything_believes_what_it_sees() {
+    let (graph, planner, _) = set_up();
+    let mut filter = planner.stage_filter(FilterOptions {
+        restart: 1.0,
+        ..FilterOptions::default()
+    });
+    for x in [3.0, 3.0, 14.0, 14.0, 5.0] {
+        walk(&graph, &mut filter, [x]);
+        let places = (0..filter.layout().places().len() as u32).map(PlaceId);
+        let beliefs: Vec<f64> = places.map(|place| filter.probability(place)).collect();
+        let least = beliefs.iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(least >= 0.0, "{least} at {x}");
+        assert!((beliefs.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+    }
+}
+
+#[test]
 fn same_frames_give_the_same_belief() {
     let (graph, _, filter) = set_up();
     let run = || {

@@ -101,6 +101,7 @@ pub fn demonstrate_on(
 
 #[cfg(test)]
 mod tests {
+    use super::super::Practice;
     use super::*;
     use crate::simulator::bedroom::BedroomConfig;
     use crate::simulator::truth::Insight;
@@ -142,7 +143,7 @@ mod tests {
     #[test]
     fn a_dry_run_goes_through_the_motions_with_an_empty_gripper() {
         let dry = Habits {
-            dry_run: true,
+            practice: Some(Practice::Dry),
             ..sure()
         };
         for task in BedroomTask::ALL {
@@ -178,6 +179,39 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn an_askew_run_takes_things_elsewhere_than_a_demonstration() {
+        let askew = Habits {
+            practice: Some(Practice::Askew),
+            ..sure()
+        };
+        let task = BedroomTask::Sock;
+        let mut room = Bedroom::new(BedroomConfig::paper(task));
+        // Where the sock lies before the gripper when it is first held, on each of some seeds.
+        let mut held_at = |habits: Habits| -> Vec<f32> {
+            let seeds = 0..6;
+            let ahead = seeds.filter_map(|seed| {
+                room.arrange(seed);
+                let mut operator = Operator::new(task, &room.insight(), habits, seed);
+                (0..LONGEST_STEPS).find_map(|_| {
+                    let insight = room.insight();
+                    let is_held = insight.held == Some(Graspable::Sock);
+                    room.act(operator.next(&insight));
+                    let [x, y, _] = insight.sock_m;
+                    is_held.then(|| insight.relative_to_base([x, y])[0] - insight.tool.x_m)
+                })
+            });
+            ahead.collect()
+        };
+        let spread = |places: &[f32]| {
+            let most = places.iter().copied().fold(f32::MIN, f32::max);
+            most - places.iter().copied().fold(f32::MAX, f32::min)
+        };
+        let (usual, odd) = (held_at(sure()), held_at(askew));
+        assert!(usual.len() >= 4 && odd.len() >= 4, "{usual:?}, {odd:?}");
+        assert!(spread(&odd) > spread(&usual), "{usual:?}, {odd:?}");
     }
 
     fn loose_things(insight: &Insight) -> [[f32; 3]; 3] {

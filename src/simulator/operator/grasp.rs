@@ -18,6 +18,11 @@ const LOW_TOLERANCE_M: f32 = 0.03;
 /// beside it, and must go up and line up again.
 const EARLY_FROM_ABOVE: f64 = 0.3;
 
+/// How far before or behind the place of a grasp an askew one may be, and how far beside it: as far as it still holds,
+/// and a little farther.
+const ASKEW_AHEAD_M: f32 = 2.5 * TOOL_STEP_M;
+const ASKEW_ASIDE_M: f32 = 1.3 * TOOL_STEP_M;
+
 /// How a thing is taken: from which side, and where.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Grasp {
@@ -49,6 +54,15 @@ impl Misjudgement {
             early_steps: u8::MAX,
             beyond_m: 0.0,
             left_m: 0.0,
+        }
+    }
+
+    /// Takes the thing oddly, or misses it.
+    pub(super) fn askew(rng: &mut ChaCha8Rng) -> Self {
+        Self {
+            early_steps: 0,
+            beyond_m: rng.random_range(-ASKEW_AHEAD_M..=ASKEW_AHEAD_M),
+            left_m: rng.random_range(-ASKEW_ASIDE_M..=ASKEW_ASIDE_M),
         }
     }
 

@@ -44,9 +44,12 @@ pub fn export(
 }
 
 /// Writes the files of a folder and its manifest; a new folder appears complete or not at all.
-pub(super) fn write_folder(
+///
+/// # Errors
+/// [`TrainingError::Io`].
+pub fn write_folder(
     folder: &Path,
-    files: &[(&str, Vec<u8>)],
+    files: &[(impl AsRef<str>, Vec<u8>)],
     manifest: &[u8],
 ) -> Result<(), TrainingError> {
     let new = !folder.exists();
@@ -57,7 +60,7 @@ pub(super) fn write_folder(
     };
     std::fs::create_dir_all(&target).map_err(failed("create", &target))?;
     for (name, bytes) in files {
-        write_beside(&target.join(name), bytes)?;
+        write_beside(&target.join(name.as_ref()), bytes)?;
     }
     write_beside(&target.join(MANIFEST_FILE), manifest)?;
     if new {

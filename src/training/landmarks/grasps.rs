@@ -4,7 +4,7 @@ use super::LandmarkConfig;
 use crate::graph::{Logistic, ROWS_A_CLASS, evenly};
 use crate::model::{GraspSense, grasp_values};
 use crate::task::GripperEvent;
-use crate::training::missed_grasps::{Outcome, closings};
+use crate::training::missed_grasps::{Closing, Outcome, closings};
 use crate::training::{Dataset, ImitationConfig, StateRef};
 use crate::trajectory::{CameraSpec, MountedOn, RobotGeometry};
 
@@ -19,32 +19,41 @@ const RIDGE: f64 = 3.0;
 /// Added to the spread of a value, 0..=1, so that one that hardly changes does not count for much.
 const LEAST_SPREAD: f32 = 0.05;
 
-/// What demonstrations, and dry runs beside them, show of their grippers; none without a camera that a gripper
+/// What demonstrations, and practice beside them, show of their grippers; none without a camera that a gripper
 /// carries, or where too few of them closed on nothing.
 pub(super) fn grasp_sense(
     data: &Dataset,
-    dry_runs: Option<&Dataset>,
+    practice: Option<&Dataset>,
     config: &LandmarkConfig,
     imitation: &ImitationConfig,
 ) -> Option<GraspSense> {
     let (camera, region) = carried_camera(data, config)?;
     let (classes, things) = classes(data, imitation);
-    let of = |states: Vec<StateRef>, shown| states.into_iter().map(move |at| (shown, at));
-    let mut classes: Vec<Vec<(&Dataset, StateRef)>> = (classes.into_iter())
-        .map(|states| of(states, data).collect())
+    let mut classes: Vec<Rows> = (classes.into_iter())
+        .map(|states| vec![of(states, data)])
         .collect();
-    if let Some(runs) = dry_runs {
-        classes[EMPTY].extend(of(empty_states(runs, imitation), runs));
+    if let Some(runs) = practice {
+        let shown = practised(runs, imitation);
+        classes[EMPTY][0].extend(of(shown.empty, runs));
+        for (states, task) in shown.held.into_iter().zip(runs.tasks()) {
+            let thing = things.iter().position(|thing| thing == task);
+            if let Some(thing) = thing.filter(|_| !states.is_empty()) {
+                classes[EMPTY + 1 + thing].push(of(states, runs));
+            }
+        }
     }
-    if classes[EMPTY].len() < LEAST_EMPTY || classes[0].is_empty() || classes.len() < 3 {
+    if classes[EMPTY][0].len() < LEAST_EMPTY || classes[0][0].is_empty() || classes.len() < 3 {
         return None;
     }
     let (mut targets, mut rows) = (Vec::new(), Vec::new());
-    for (class, states) in classes.iter().enumerate() {
-        for (shown, at) in evenly(states, ROWS_A_CLASS) {
-            let image = shown.observation(at).image(&camera.name).ok()?;
-            rows.push(grasp_values(image, region));
-            targets.push(class);
+    for (class, sources) in classes.iter().enumerate() {
+        // Each class weighs alike, and in it practice as much as demonstrations, of which there are many more.
+        for states in sources {
+            for (shown, at) in evenly(states, ROWS_A_CLASS / sources.len()) {
+                let image = shown.observation(at).image(&camera.name).ok()?;
+                rows.push(grasp_values(image, region));
+                targets.push(class);
+            }
         }
     }
     let (mean, spread) = moments(&rows);
@@ -63,6 +72,13 @@ pub(super) fn grasp_sense(
         things,
         mean,
     })
+}
+
+/// States of one class, by where they are from, with their recordings.
+type Rows<'a> = Vec<Vec<(&'a Dataset, StateRef)>>;
+
+fn of(states: Vec<StateRef>, shown: &Dataset) -> Vec<(&Dataset, StateRef)> {
+    states.into_iter().map(|at| (shown, at)).collect()
 }
 
 /// The camera that the gripper carries, and the part of its picture that shows the gripper.
@@ -93,19 +109,67 @@ fn region(robot: &RobotGeometry, camera: &CameraSpec) -> Option<[f32; 4]> {
     ])
 }
 
-/// The states of dry runs whose gripper is closed, but for closings that reached a subgoal: a handle that was pulled.
-pub(super) fn empty_states(runs: &Dataset, imitation: &ImitationConfig) -> Vec<StateRef> {
-    let mut empty = Vec::new();
+/// What practice shows.
+pub(super) struct Shown {
+    /// States with a gripper that is closed on nothing.
+    pub empty: Vec<StateRef>,
+    /// States with one that holds something, for each set.
+    pub held: Vec<Vec<StateRef>>,
+}
+
+/// The states of practice whose gripper is closed: after a closing that reached a subgoal it holds something from
+/// there on, after any other nothing.
+pub(super) fn practised(runs: &Dataset, imitation: &ImitationConfig) -> Shown {
+    let mut shown = Shown {
+        empty: Vec::new(),
+        held: vec![Vec::new(); runs.tasks().len()],
+    };
     for trajectory in 0..runs.trajectory_count() as u32 {
-        let last = runs.steps(trajectory).saturating_sub(1);
-        let events = runs.gripper_events(trajectory);
-        let closings = closings(events, runs.marker_steps(trajectory), imitation);
-        for closing in closings.filter(|closing| closing.outcome != Outcome::Held) {
-            let steps = closing.closed as u32 + 1..=closing.opened.unwrap_or(last) as u32;
-            empty.extend(steps.map(|step| StateRef { trajectory, step }));
+        let closed = Closed::new(runs, trajectory);
+        let markers = runs.marker_steps(trajectory);
+        for closing in closings(runs.gripper_events(trajectory), markers, imitation) {
+            match closing.outcome {
+                Outcome::Held => shown.held[runs.set_of(trajectory)].extend(closed.held(&closing)),
+                Outcome::Missed | Outcome::Unknown => shown.empty.extend(closed.all(&closing)),
+            }
         }
     }
-    empty
+    shown
+}
+
+/// The states of a trajectory while its gripper is closed.
+struct Closed<'a> {
+    trajectory: u32,
+    last: usize,
+    markers: &'a [usize],
+}
+
+impl<'a> Closed<'a> {
+    fn new(data: &'a Dataset, trajectory: u32) -> Self {
+        Self {
+            trajectory,
+            last: data.steps(trajectory).saturating_sub(1),
+            markers: data.marker_steps(trajectory),
+        }
+    }
+
+    fn states(&self, from: usize, to: usize) -> impl Iterator<Item = StateRef> + use<> {
+        let trajectory = self.trajectory;
+        let steps = from as u32..=to.min(self.last) as u32;
+        steps.map(move |step| StateRef { trajectory, step })
+    }
+
+    /// All after a closing.
+    fn all(&self, closing: &Closing) -> impl Iterator<Item = StateRef> + use<> {
+        self.states(closing.closed + 1, closing.opened.unwrap_or(self.last))
+    }
+
+    /// Those after the subgoal that a closing reached.
+    fn held(&self, closing: &Closing) -> impl Iterator<Item = StateRef> + use<> {
+        let opened = closing.opened.unwrap_or(self.last);
+        let taken = self.markers.iter().find(|step| **step > closing.closed);
+        self.states(taken.map_or(opened, |t| t + 1), opened)
+    }
 }
 
 /// States with an open gripper, states with one that closed on nothing, and those of each task that show
@@ -115,27 +179,22 @@ fn classes(data: &Dataset, imitation: &ImitationConfig) -> (Vec<Vec<StateRef>>, 
     for trajectory in 0..data.trajectory_count() as u32 {
         let events = data.gripper_events(trajectory);
         let markers = data.marker_steps(trajectory);
-        let last = data.steps(trajectory).saturating_sub(1);
-        let states = |from: usize, to: usize| {
-            let steps = from as u32..=to.min(last) as u32;
-            steps.map(move |step| StateRef { trajectory, step })
-        };
+        let closed = Closed::new(data, trajectory);
         let begins_open = (events.first()).is_none_or(|(_, e)| *e == GripperEvent::Close);
         let openings = events.iter().filter(|(_, e)| *e == GripperEvent::Open);
         let opened = openings.map(|(step, _)| step + 1);
         for from in begins_open.then_some(0).into_iter().chain(opened) {
             let next = events.iter().find(|(step, _)| *step >= from);
-            classes[0].extend(states(from, next.map_or(last, |(step, _)| *step)));
+            let next = next.map_or(closed.last, |(step, _)| *step);
+            classes[0].extend(closed.states(from, next));
         }
         for closing in closings(events, markers, imitation) {
-            let opened = closing.opened.unwrap_or(last);
             match closing.outcome {
-                Outcome::Missed => classes[EMPTY].extend(states(closing.closed + 1, opened)),
+                Outcome::Missed => classes[EMPTY].extend(closed.all(&closing)),
                 Outcome::Held => {
-                    let taken = markers.iter().find(|step| **step > closing.closed);
                     let class = 2 + data.set_of(trajectory);
                     classes.resize(classes.len().max(class + 1), Vec::new());
-                    classes[class].extend(states(taken.map_or(opened, |t| t + 1), opened));
+                    classes[class].extend(closed.held(&closing));
                 }
                 Outcome::Unknown => {}
             }
@@ -167,9 +226,10 @@ fn moments(rows: &[Vec<f32>]) -> (Vec<f32>, Vec<f32>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulator::{Bedroom, BedroomConfig, BedroomTask, Habits, demonstrate_on};
-    use crate::training::TrainedModel;
-    use crate::training::landmarks::{Landmarks, check_dry_runs};
+    use crate::model::{GraspSight, LANDMARKS_FILE, LandmarkBook};
+    use crate::simulator::{Bedroom, BedroomConfig, BedroomTask, Habits, Practice, demonstrate_on};
+    use crate::training::landmarks::{GripperPractice, Landmarks};
+    use crate::training::{FinishedModel, TrainedModel, TrainingConfig, export};
     use crate::trajectory::DemonstrationSet;
 
     const MISSES: Habits = Habits {
@@ -180,10 +240,14 @@ mod tests {
         late_notice: 0.3,
         slip: 0.0,
         slip_again: 0.0,
-        dry_run: false,
+        practice: None,
+    };
+    const ASKEW: Habits = Habits {
+        practice: Some(Practice::Askew),
+        ..MISSES
     };
     const DRY: Habits = Habits {
-        dry_run: true,
+        practice: Some(Practice::Dry),
         ..MISSES
     };
 
@@ -198,51 +262,144 @@ mod tests {
         DemonstrationSet::new("sock", seeds.map(one).collect()).unwrap()
     }
 
-    #[test]
-    fn dry_runs_teach_an_empty_gripper_wherever_it_is_carried() {
+    /// What is known of a model that was trained on some demonstrations, but for its weights.
+    fn book(shown: &[DemonstrationSet], config: &TrainingConfig) -> LandmarkBook {
+        let data = Dataset::new(shown).unwrap();
+        let model = TrainedModel::untrained(&data, config);
+        Landmarks::book(&data, config, &model.pictures().grids, &[1.0; 8])
+            .expect("it has landmarks")
+    }
+
+    fn bedroom() -> TrainingConfig {
         let mut config = crate::training::Preset::Bedroom.config();
         config.landmarks = Some(LandmarkConfig::bedroom());
+        config
+    }
+
+    /// Share of some states for which a sense says something for certain.
+    fn told(
+        book: &LandmarkBook,
+        of: &Dataset,
+        states: &[StateRef],
+        what: fn(GraspSight) -> f64,
+    ) -> f64 {
+        let sense = book.grasp.as_ref().expect("it is learnt");
+        let looks = states
+            .iter()
+            .filter_map(|at| sense.look(of.observation(*at)));
+        looks.filter(|sight| what(*sight) > 0.7).count() as f64 / states.len() as f64
+    }
+
+    #[test]
+    fn practice_teaches_what_demonstrations_do_not_show() {
+        let config = bedroom();
         let shown = [set(1..17, MISSES)];
-        let data = Dataset::new(&shown).unwrap();
-        let mut model = TrainedModel::untrained(&data, &config);
-        model.landmarks = Landmarks::book(&data, &config, &model.pictures().grids, &[1.0; 8]);
+        let before = book(&shown, &config);
         let other = Dataset::new(&[set(40..44, DRY)]).unwrap();
-        let empty = empty_states(&other, &config.imitation);
-        let seen_empty = |model: &TrainedModel| {
-            let book = model.landmarks.as_ref().unwrap();
-            let sense = book.grasp.as_ref().expect("it is learnt");
-            let looks = empty.iter().map(|at| sense.look(other.observation(*at)));
-            let told = looks.filter(|sight| sight.is_some_and(|s| s.empty > 0.7));
-            told.count() as f64 / empty.len() as f64
+        let empty = practised(&other, &config.imitation).empty;
+        let odd = Dataset::new(&[set(60..64, ASKEW)]).unwrap();
+        let held = practised(&odd, &config.imitation).held.concat();
+        let seen = |book: &LandmarkBook| {
+            let empty = told(book, &other, &empty, |sight| sight.empty);
+            [empty, told(book, &odd, &held, |sight| sight.held)]
         };
-        let before = seen_empty(&model);
-        let runs = [set(30..36, DRY)];
-        let learnt = model.learn_empty_gripper(&shown, &runs).unwrap();
-        let told_before = check_dry_runs(&config, &shown, &runs).unwrap();
-        assert_eq!(told_before, learnt);
-        let after = seen_empty(&model);
-        assert!(learnt > 6 * 20, "{learnt} states of six dry runs");
+        let taught = |runs: &[DemonstrationSet]| {
+            let practice = GripperPractice {
+                runs,
+                demonstrations: &shown,
+            };
+            let mut book = before.clone();
+            let learnt = practice.teach(&config, Some(&mut book)).unwrap();
+            assert_eq!(practice.check(&config).unwrap(), learnt);
+            (seen(&book), learnt)
+        };
+        let [empty_before, held_before] = seen(&before);
+        let dry = set(30..36, DRY).trajectories().to_vec();
+        let ([empty_after, _], learnt) =
+            taught(&[DemonstrationSet::new("sock", dry.clone()).unwrap()]);
+        assert!(learnt.empty > 6 * 20, "{learnt:?} of six dry runs");
         assert!(
-            after > 0.9 && after > before,
-            "{before} before, {after} after"
+            empty_after > 0.9 && empty_after > empty_before,
+            "{empty_before} before, {empty_after} after"
         );
 
-        let sure = Habits {
-            missed_from_above: 0.0,
-            ..MISSES
-        };
-        let sure = set(50..52, sure);
-        let refused = model.learn_empty_gripper(&shown, &[sure]).unwrap_err();
+        let askew = set(70..82, ASKEW).trajectories().to_vec();
+        let both = DemonstrationSet::new("sock", [dry, askew].concat()).unwrap();
+        let ([empty_after, held_after], learnt) = taught(&[both]);
+        assert!(learnt.held > 12 * 15, "{learnt:?} of twelve askew runs");
         assert!(
-            refused.to_string().contains("every closing reached"),
+            held_after > 0.9 && held_after >= held_before && empty_after > 0.9,
+            "{held_before} before, {held_after} after; empty {empty_after}"
+        );
+    }
+
+    #[test]
+    fn a_finished_model_is_taught_and_keeps_its_networks() {
+        let config = bedroom();
+        let shown = [set(1..3, MISSES)];
+        let data = Dataset::new(&shown).unwrap();
+        let mut model = TrainedModel::untrained(&data, &config);
+        model.landmarks = Some(book(&shown, &config));
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("model");
+        let before = export(&model, [].into(), &folder).unwrap();
+        let practice = GripperPractice {
+            runs: &[set(30..32, DRY)],
+            demonstrations: &shown,
+        };
+        let finished = FinishedModel::load(&folder).unwrap();
+        let datasets = [("practice of sock".to_owned(), "ab".to_owned())];
+        let (after, practised) = (finished.practised(&practice, datasets.into(), &folder)).unwrap();
+        assert!(practised.empty > 2 * 20, "{practised:?}");
+        let changed = (before.files.iter()).filter(|(name, digest)| after.files[*name] != **digest);
+        let changed: Vec<&String> = changed.map(|(name, _)| name).collect();
+        assert_eq!(changed, [LANDMARKS_FILE]);
+        assert_eq!(FinishedModel::load(&folder).unwrap().manifest(), &after);
+        std::fs::write(folder.join(LANDMARKS_FILE), "{}").unwrap();
+        let refused = FinishedModel::load(&folder).unwrap_err().to_string();
+        assert!(
+            refused.contains(LANDMARKS_FILE) && refused.contains("model"),
             "{refused}"
         );
-        model.config.cameras = vec!["head".to_owned()];
-        let refused = model.learn_empty_gripper(&shown, &runs).unwrap_err();
-        assert!(refused.to_string().contains("no camera"), "{refused}");
-        model.landmarks = None;
-        let refused = model.learn_empty_gripper(&shown, &runs).unwrap_err();
-        assert!(refused.to_string().contains("no landmarks"), "{refused}");
+    }
+
+    #[test]
+    fn practice_that_teaches_nothing_is_refused() {
+        let mut config = bedroom();
+        let shown = [set(1..3, MISSES)];
+        let mut book = book(&shown, &config);
+        let mut refused = |runs: &[DemonstrationSet], config: &TrainingConfig, has_book: bool| {
+            let practice = GripperPractice {
+                runs,
+                demonstrations: &shown,
+            };
+            let book = has_book.then_some(&mut book);
+            practice.teach(config, book).unwrap_err().to_string()
+        };
+        let dry = set(30..32, DRY);
+        let other = DemonstrationSet::new("practice", dry.trajectories().to_vec()).unwrap();
+        let told = refused(&[other], &config, true);
+        assert!(
+            told.contains("'practice' is none of the tasks that are demonstrated (sock)"),
+            "{told}"
+        );
+        let mut open = dry.trajectories().to_vec();
+        for run in &mut open {
+            run.steps.truncate(5);
+            run.markers.clear();
+        }
+        let told = refused(
+            &[DemonstrationSet::new("sock", open).unwrap()],
+            &config,
+            true,
+        );
+        assert!(told.contains("never closes"), "{told}");
+        let runs = [dry];
+        let told = refused(&runs, &config, false);
+        assert!(told.contains("no landmarks"), "{told}");
+        config.cameras = vec!["head".to_owned()];
+        let told = refused(&runs, &config, true);
+        assert!(told.contains("no camera"), "{told}");
     }
 
     #[test]

@@ -1,0 +1,112 @@
+//! What practice with the gripper teaches: what an empty one looks like wherever a run may carry it, and one that holds
+//! a thing oddly.
+
+use super::grasps::{carried_camera, grasp_sense, practised};
+use super::landmark_count;
+use crate::model::LandmarkBook;
+use crate::training::{Dataset, TrainingConfig, TrainingError};
+use crate::trajectory::{CameraSpec, DemonstrationSet};
+
+/// Recordings from which only the sense of grasps learns ([`GraspSense`](crate::model::GraspSense)), a set a task. A
+/// closing of the gripper after which a subgoal was reached holds what the task is about, any other holds nothing.
+///
+/// Demonstrations alone show an empty gripper only beside the thing that it missed, and things only as a practised
+/// person takes them. In a *dry run* somebody goes through the motions of a task and closes the gripper beside
+/// everything that lies loose; in an *askew run* things are taken too far in front, too far back or aside.
+#[derive(Clone, Copy, Debug)]
+pub struct GripperPractice<'a> {
+    /// The recordings, by task.
+    pub runs: &'a [DemonstrationSet],
+    /// What the model was trained on.
+    pub demonstrations: &'a [DemonstrationSet],
+}
+
+/// How many states of practice show what.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Practised {
+    /// A gripper that is closed on nothing.
+    pub empty: usize,
+    /// One that holds something.
+    pub held: usize,
+}
+
+fn refuse(reason: &str) -> TrainingError {
+    let reason = reason.to_owned();
+    TrainingError::NoPractice { reason }
+}
+
+impl GripperPractice<'_> {
+    /// Refuses practice from which a model of that configuration can learn nothing.
+    ///
+    /// # Errors
+    /// [`TrainingError::NoPractice`], and what is wrong with either kind of sets.
+    pub fn check(&self, config: &TrainingConfig) -> Result<Practised, TrainingError> {
+        let [demonstrations, runs] = self.seen_by(config)?;
+        usable(config, &demonstrations, &runs)
+    }
+
+    /// Learns the sense of grasps anew, from the demonstrations and from practice, and puts it into what is known of a
+    /// model's landmarks. The networks stay as they are.
+    ///
+    /// # Errors
+    /// [`TrainingError::NoPractice`] where nothing can be learnt of it, and what is wrong with either kind of sets.
+    pub fn teach(
+        &self,
+        config: &TrainingConfig,
+        book: Option<&mut LandmarkBook>,
+    ) -> Result<Practised, TrainingError> {
+        let (Some(landmarks), Some(book)) = (&config.landmarks, book) else {
+            return Err(refuse("the model learns no landmarks"));
+        };
+        let [demonstrations, runs] = self.seen_by(config)?;
+        let practised = usable(config, &demonstrations, &runs)?;
+        let learnt = grasp_sense(&demonstrations, Some(&runs), landmarks, &config.imitation);
+        book.grasp = Some(learnt.ok_or_else(|| {
+            refuse("of open grippers, of empty ones and of ones that hold something, the recordings never show one kind, or too few")
+        })?);
+        Ok(practised)
+    }
+
+    /// Demonstrations and practice, as the model sees them.
+    fn seen_by(&self, config: &TrainingConfig) -> Result<[Dataset; 2], TrainingError> {
+        let seen = |sets| Dataset::new(sets)?.seen_by(&config.cameras);
+        Ok([seen(self.demonstrations)?, seen(self.runs)?])
+    }
+}
+
+fn usable(
+    config: &TrainingConfig,
+    demonstrations: &Dataset,
+    runs: &Dataset,
+) -> Result<Practised, TrainingError> {
+    let landmarks = (config.landmarks.as_ref()).filter(|_| landmark_count(config) > 0);
+    let landmarks = landmarks.ok_or_else(|| refuse("the model learns no landmarks"))?;
+    let (camera, _) = carried_camera(demonstrations, landmarks)
+        .ok_or_else(|| refuse("no camera of landmarks.robot is on the gripper"))?;
+    if !runs.cameras().contains(camera) {
+        let CameraSpec {
+            name,
+            height,
+            width,
+        } = camera;
+        return Err(refuse(&format!(
+            "the demonstrations have a camera '{name}' of {height}x{width}, and it does not"
+        )));
+    }
+    let known = demonstrations.tasks();
+    if let Some(other) = runs.tasks().iter().find(|task| !known.contains(task)) {
+        return Err(refuse(&format!(
+            "'{other}' is none of the tasks that are demonstrated ({}): give a folder of each task, named like it",
+            known.join(", ")
+        )));
+    }
+    let shown = practised(runs, &config.imitation);
+    let practised = Practised {
+        empty: shown.empty.len(),
+        held: shown.held.iter().map(Vec::len).sum(),
+    };
+    if practised.empty + practised.held == 0 {
+        return Err(refuse("the gripper never closes in it"));
+    }
+    Ok(practised)
+}
