@@ -4,7 +4,6 @@
 
 mod calibration_score;
 mod chaining;
-mod counted;
 mod detection;
 mod edge_options;
 mod edge_trust;
@@ -31,7 +30,6 @@ mod watched;
 
 pub use calibration_score::{BeforeAndAfter, CalibrationScore, Population};
 pub use chaining::{ChainPart, ChainingCell, ChainingMethod, chaining_table};
-pub(crate) use counted::counted;
 pub use detection::ShortcutDetection;
 pub use edge_options::{EdgeOptions, OptionEffect};
 pub use edge_trust::{EdgeTrust, EdgeTrustInput};

@@ -24,3 +24,4 @@ pub mod task;
 pub mod training;
 pub mod trajectory;
 pub mod view;
+mod wording;

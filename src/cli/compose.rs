@@ -9,6 +9,7 @@ use super::loaded::Loaded;
 use crate::graph::{EdgeKind, TopologicalGraph};
 use crate::planner::{Audit, Explanation, Plan, Planner};
 use crate::view::write_automaton_svg;
+use crate::wording::counted;
 
 /// What a plan looks like to a program.
 #[derive(Serialize)]
@@ -109,8 +110,9 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
     );
     let _ = writeln!(
         text,
-        "plan: {} steps to the final state {}",
-        report.steps, report.final_state
+        "plan: {} to the final state {}",
+        counted(report.steps as usize, "step"),
+        report.final_state
     );
     if report.orders > 1 {
         let left_out: Vec<&str> = loaded
@@ -153,15 +155,15 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
         Some(paper) if paper.audit.is_clean() => {
             let _ = writeln!(
                 text,
-                "the unconstrained plan of the paper: {} steps, skips nothing",
-                paper.steps
+                "the unconstrained plan of the paper: {}, skips nothing",
+                counted(paper.steps as usize, "step")
             );
         }
         Some(paper) => {
             let _ = writeln!(
                 text,
-                "the unconstrained plan of the paper: {} steps, and it",
-                paper.steps
+                "the unconstrained plan of the paper: {}, and it",
+                counted(paper.steps as usize, "step")
             );
             for line in paper.audit.to_string().lines() {
                 let _ = writeln!(text, "  {line}");

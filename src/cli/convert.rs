@@ -2,6 +2,7 @@ use super::arguments::{ConvertArguments, FormatArgument, PicturesArgument};
 use super::error::CliError;
 use super::loaded::read_options;
 use crate::storage::{PictureFormat, Recordings, convert_to_lerobot, convert_to_mcap};
+use crate::wording::counted;
 
 /// `catena convert`: recordings of any kind as a LeRobot dataset or as MCAP files.
 pub(super) fn convert(arguments: &ConvertArguments) -> Result<(), CliError> {
@@ -21,9 +22,9 @@ pub(super) fn convert(arguments: &ConvertArguments) -> Result<(), CliError> {
         .fps
         .map_or_else(String::new, |fps| format!(" at {fps} frames a second"));
     println!(
-        "{} episodes, {} steps{rate}, of {}: {}\nin {}",
-        conversion.episodes,
-        conversion.steps,
+        "{}, {}{rate}, of {}: {}\nin {}",
+        counted(conversion.episodes, "episode"),
+        counted(conversion.steps, "step"),
         if conversion.tasks.len() == 1 {
             "one task"
         } else {

@@ -5,12 +5,12 @@ use rayon::prelude::*;
 use super::arguments::{LevelArgument, PracticeArgument, RecordArguments};
 use super::error::CliError;
 use super::progress;
-use crate::experiment::counted;
 use crate::simulator::{
     Bedroom, BedroomConfig, BedroomTask, Demonstration, Habits, LONGEST_STEPS, Leftovers, Level,
     Practice, demonstrate_on,
 };
 use crate::storage::{RecordingMetadata, write_trajectory};
+use crate::wording::counted;
 
 /// Keeps the episodes of demonstrations apart from those of evaluations, whose seeds are used as they
 /// are: attempt `k` of `record --seed s` is the episode of seed `s * 1,000,000 + k`.

@@ -23,6 +23,7 @@ use crate::simulator::{Bedroom, PRIMITIVE_SECS};
 use crate::storage::{EpisodeWriter, RecordingMetadata, write_file};
 use crate::trajectory::{Observation, Step};
 use crate::view::{EventLevel, RolloutRecording, RolloutScene, StepView, write_merged_graph_svg};
+use crate::wording::counted;
 
 /// `summary.json` of a run.
 #[derive(Serialize)]
@@ -224,8 +225,9 @@ fn print_outcome(
     };
     let resumed = resumed.map_or_else(String::new, ToString::to_string);
     println!(
-        "{verdict} after {} steps{resumed} ({})",
-        result.steps, result.ended
+        "{verdict} after {}{resumed} ({})",
+        counted(result.steps, "step"),
+        result.ended
     );
 }
 

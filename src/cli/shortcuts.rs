@@ -7,10 +7,11 @@ use super::error::CliError;
 use super::evaluate::{bedroom, episodes, options};
 use super::loaded::Loaded;
 use super::record::bedroom_task;
-use crate::experiment::{ScoredBedroom, ShortcutDetection, Skipper, Watched, counted};
+use crate::experiment::{ScoredBedroom, ShortcutDetection, Skipper, Watched};
 use crate::planner::{Planner, PlannerOptions};
 use crate::rollout::{Monitor, Rollout};
 use crate::simulator::{Bedroom, BedroomConfig, BedroomTask};
+use crate::wording::counted;
 
 /// The target of `catena evaluate` that stands for this evaluation.
 pub(super) const TARGET: &str = "shortcuts";

@@ -9,13 +9,13 @@ use super::error::CliError;
 use super::loaded::{read_demonstrations, read_options};
 use super::progress;
 use super::training_config::{preset, training_config, write_run};
-use crate::experiment::counted;
 use crate::storage::{ReadOptions, Recordings};
 use crate::training::{
     FinishedModel, GripperPractice, Practised, TrainingEvent, TrainingObserver, export,
     train as fit,
 };
 use crate::trajectory::{ActionDimension, ActionSpace, Binning, DemonstrationSet};
+use crate::wording::counted;
 
 /// `catena train`: demonstrations to a model in a folder of ONNX files.
 pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), CliError> {

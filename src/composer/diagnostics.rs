@@ -4,6 +4,7 @@ use miette::{GraphicalReportHandler, GraphicalTheme};
 use serde::Serialize;
 
 use super::diagnostic::{Diagnostic, Faults, Severity};
+use crate::wording;
 
 /// How many diagnostics are printed at most; nobody reads more before mending the first.
 const MAX_PRINTED: usize = 40;
@@ -89,8 +90,7 @@ impl Diagnostics {
     fn count(&self) -> String {
         let counted = |severity, word: &str| {
             let number = self.list.iter().filter(|d| d.severity == severity).count();
-            let plural = if number == 1 { "" } else { "s" };
-            (number > 0).then(|| format!("{number} {word}{plural}"))
+            (number > 0).then(|| wording::counted(number, word))
         };
         [
             counted(Severity::Error, "error"),

@@ -2,7 +2,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::counted;
+use crate::wording::counted;
 
 /// A flag may come so many steps before the truth says that the shortcut is complete: images show a
 /// hand closing around a can before the can counts as grasped.

@@ -2,8 +2,9 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Score, ShortcutDetection, SubgoalOutcome, counted, wilson_interval_95};
+use super::{Score, ShortcutDetection, SubgoalOutcome, wilson_interval_95};
 use crate::rollout::{Episode, EpisodeEnd, Event, StepTimes};
+use crate::wording::counted;
 
 /// One scored episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

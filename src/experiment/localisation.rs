@@ -2,12 +2,12 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::counted;
 use super::evaluation::quantile;
 use crate::planner::Layout;
 use crate::rollout::{Monitor, RolloutError};
 use crate::task::Subgoal;
 use crate::trajectory::Trajectory;
+use crate::wording::counted;
 
 /// How far off a robot is taken to be, in steps of a typical demonstration.
 #[derive(Clone, Debug, PartialEq, Serialize)]

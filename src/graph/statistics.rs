@@ -5,6 +5,7 @@ use petgraph::algo::{connected_components, kosaraju_scc};
 use serde::Serialize;
 
 use super::{EdgeKind, NodeId, ScoredPair, TopologicalGraph};
+use crate::wording::counted;
 
 /// Numbers by which a person can judge a graph.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -212,12 +213,21 @@ impl fmt::Display for GraphStatistics {
             )?;
         }
         for c in &self.cross_task {
-            writeln!(f, "{} -> {}: {} edges", c.from_task, c.to_task, c.edges)?;
+            writeln!(
+                f,
+                "{} -> {}: {}",
+                c.from_task,
+                c.to_task,
+                counted(c.edges, "edge")
+            )?;
             for e in &c.best {
                 writeln!(
                     f,
-                    "  {} -> {}: {} steps, P(connected) {:.3}",
-                    e.from_state, e.to_state, e.steps, e.connected_probability
+                    "  {} -> {}: {}, P(connected) {:.3}",
+                    e.from_state,
+                    e.to_state,
+                    counted(e.steps as usize, "step"),
+                    e.connected_probability
                 )?;
             }
         }

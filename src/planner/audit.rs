@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::layout::{stage_offsets, subgoal_count};
 use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph};
 use crate::task::{Automaton, Subgoal};
+use crate::wording::counted;
 
 /// An edge of a route, in words that lead back to the recordings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -174,8 +175,11 @@ impl fmt::Display for AuditedEdge {
         };
         write!(
             f,
-            "{kind} {} -> {} ({} steps, P(connected) {:.3})",
-            self.from_state, self.to_state, self.steps, self.connected_probability
+            "{kind} {} -> {} ({}, P(connected) {:.3})",
+            self.from_state,
+            self.to_state,
+            counted(self.steps as usize, "step"),
+            self.connected_probability
         )
     }
 }

@@ -302,7 +302,9 @@ impl StageFilter {
         };
         match change {
             Some(StageChange::Dropped { to }) => self.spread_over(to),
-            Some(StageChange::Advanced { to }) if stage_probabilities[to] < POSSIBLE => {
+            Some(StageChange::Advanced { to } | StageChange::Taken { to })
+                if stage_probabilities[to] < POSSIBLE =>
+            {
                 self.spread_over(to);
             }
             _ => {}

@@ -16,6 +16,12 @@ pub enum StageChange {
         /// The new stage.
         to: usize,
     },
+    /// The next subgoal is reached, since the gripper is seen to hold what it should then hold, wherever the robot is
+    /// believed to be.
+    Taken {
+        /// The new stage.
+        to: usize,
+    },
     /// Fewer subgoals hold than before.
     Regressed {
         /// The new stage.
@@ -264,7 +270,7 @@ impl Stages {
         let to = self.now + 1;
         self.sensed[to] = 1.0;
         self.set(to);
-        Some(StageChange::Advanced { to })
+        Some(StageChange::Taken { to })
     }
 
     /// Whether a stage is out of question, since the gripper should hold something there and was seen to be empty.

@@ -218,7 +218,11 @@ impl<'a> Controller<'a> {
         self.run.lost_steps += usize::from(localisation.is_lost);
         match localisation.change {
             None | Some(StageChange::Ahead { .. }) => None,
-            Some(StageChange::Advanced { .. } | StageChange::Regressed { .. }) => {
+            Some(
+                StageChange::Advanced { .. }
+                | StageChange::Taken { .. }
+                | StageChange::Regressed { .. },
+            ) => {
                 self.enter_stage();
                 None
             }

@@ -164,7 +164,7 @@ impl<'a> Monitor<'a> {
         let localisation = self.filter.look(&distances, latent.row(0), grasp);
         let mut events = Vec::new();
         events.extend(self.note_lost(localisation.is_lost));
-        events.extend(self.events(before, &localisation));
+        events.extend(self.events(before, &localisation, grasp));
         self.step += 1;
         Ok(Sight {
             latent,
@@ -188,7 +188,12 @@ impl<'a> Monitor<'a> {
     }
 
     /// What the filter noticed, in words; the stage was `before`.
-    fn events(&self, before: usize, localisation: &Localisation) -> Vec<Event> {
+    fn events(
+        &self,
+        before: usize,
+        localisation: &Localisation,
+        grasp: Option<GraspSight>,
+    ) -> Vec<Event> {
         let step = self.step;
         let mut events = Vec::new();
         let confidence = |stage: usize| {
@@ -208,6 +213,13 @@ impl<'a> Monitor<'a> {
                     confidence: confidence(stage),
                 }));
             }
+            // The belief does not know of it yet.
+            Some(StageChange::Taken { to }) => events.push(Event::SubgoalReached {
+                step,
+                stage: *to,
+                subgoal: subgoals[to - 1].clone(),
+                confidence: grasp.map_or_else(|| confidence(*to), |sight| sight.held as f32),
+            }),
             Some(StageChange::Regressed { to } | StageChange::Dropped { to }) => {
                 events.push(Event::SetBack {
                     step,
@@ -247,13 +259,17 @@ fn ensure_finite(latent: &Latents) -> Result<(), ModelError> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
     use crate::graph::TopologicalGraph;
     use crate::graph::fakes::{BrokenEncoder, Oracle, PixelEncoder, add_demonstration, task};
-    use crate::model::{ActionDistribution, LocalPolicy};
+    use crate::model::{
+        ActionDistribution, GRASP_CELLS, GraspSense, Landmark, LandmarkBook, LocalPolicy,
+    };
     use crate::planner::{FilterOptions, FinalChoice, PlannerOptions};
     use crate::task::Automaton;
-    use crate::trajectory::Image;
+    use crate::trajectory::{Image, RobotGeometry};
 
     /// Somebody else drives.
     struct Nobody;
@@ -383,6 +399,81 @@ mod tests {
         assert_eq!(said.len(), 2, "{said:?}");
         assert_eq!(said[0], format!("step {}: lost", 5 + long - 1));
         assert_eq!(said[1], format!("step {}: found again", 5 + long));
+    }
+
+    /// A gripper that closes at the first subgoal and opens at the second; it looks green when it is open and blue
+    /// when it holds something.
+    fn book_of_corridor() -> LandmarkBook {
+        let landmark = |closes| Landmark {
+            closes,
+            height_m: 0.1,
+            height_spread_m: 0.0,
+            tilt_rad: 0.0,
+            approach: [1.0, 0.0, 0.0],
+            clearance_m: 0.06,
+            reach_m: [[0.3, 0.6], [-0.2, 0.2]],
+            error_pixels: 2.0,
+        };
+        let cells = (GRASP_CELLS[0] * GRASP_CELLS[1]) as usize;
+        let events = |aside: i32| (aside.to_string(), vec![(8, 0), (16, 1)]);
+        LandmarkBook {
+            robot: RobotGeometry::locobot(),
+            views: Vec::new(),
+            landmarks: vec![landmark(true), landmark(false)],
+            events: (0..3).map(events).collect(),
+            actions: BTreeMap::new(),
+            grasp: Some(GraspSense {
+                camera: "eye".to_owned(),
+                region: [0.0, 0.0, 1.0, 1.0],
+                mean: vec![0.0; 3 * cells],
+                weights: [[0.0, 1.0, 0.0], [0.0; 3], [0.0, 0.0, 1.0]]
+                    .map(|of_colours| of_colours.repeat(cells))
+                    .to_vec(),
+                intercepts: vec![0.0, 100.0, 0.0],
+                things: Vec::new(),
+            }),
+        }
+    }
+
+    #[test]
+    fn what_is_seen_to_be_taken_is_as_sure_as_the_sight_of_it() {
+        let (planner, oracle, book) = (corridor(), ahead(5), book_of_corridor());
+        let model = RolloutModel {
+            encoder: &PixelEncoder::new(5),
+            traversability: &oracle,
+            policy: &Nobody,
+            landmarks: Some(&book),
+        };
+        let options = RolloutOptions {
+            near_probability: 0.0,
+            filter: FilterOptions {
+                classifier_weight: 0.0,
+                ..FilterOptions::default()
+            },
+            ..RolloutOptions::default()
+        };
+        let mut monitor = Monitor::new(model, &planner, &options).expect("the graph fits");
+        // Too far from the first subgoal to be believed there.
+        let mut told_of = |gripper: [u8; 2]| {
+            let image = Image::new(1, 1, vec![2, gripper[0], gripper[1]]).expect("one pixel");
+            let seen = Arc::new(Observation::new([("eye".to_owned(), image)]));
+            let looks = (0..4).map(|_| monitor.look(Arc::clone(&seen)).expect("it is known"));
+            looks.flat_map(|sight| sight.events).collect::<Vec<_>>()
+        };
+        assert_eq!(told_of([255, 0]), []);
+        let events = told_of([0, 255]);
+        let [
+            Event::SubgoalReached {
+                subgoal,
+                confidence,
+                ..
+            },
+        ] = &events[..]
+        else {
+            panic!("{events:?}")
+        };
+        assert_eq!(subgoal.name, "first");
+        assert!(*confidence > 0.99, "{confidence}");
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// Rooms with their floors; a room may import from lower floors only.
 const FLOORS: &[(&str, u32)] = &[
+    ("wording", 0),
     ("trajectory", 0),
     ("task", 1),
     ("model", 1),

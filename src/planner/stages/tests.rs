@@ -203,8 +203,8 @@ fn a_stage_begins_when_what_it_holds_is_seen_to_be_taken() {
     };
     let (open, mine) = (sight(1.0, 0.0, 0), sight(0.0, 0.95, 1));
     let options = FilterOptions::default();
-    let advanced = [StageChange::Advanced { to: 1 }];
-    assert_eq!(run(&[(open, 2), (mine, 4)], &options), advanced);
+    let taken = [StageChange::Taken { to: 1 }];
+    assert_eq!(run(&[(open, 2), (mine, 4)], &options), taken);
     assert_eq!(
         run(&[(open, 2), (mine, 1), (open, 3)], &options),
         [],

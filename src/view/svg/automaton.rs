@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::canvas::{Canvas, Type, counted, text_width};
+use super::canvas::{Canvas, Type, text_width};
 use super::orders::{self, LEFT, Shape};
 use crate::planner::{Explanation, PlanPart};
 use crate::task::OrderAutomaton;
 use crate::view::palette::{self, GREY, INK, Rgb, STAR};
 use crate::view::{ViewError, file};
+use crate::wording::counted;
 
 const LEAST_WIDTH: f32 = 900.0;
 /// Between two stages.

@@ -1,10 +1,11 @@
 use std::fmt::Write;
 
-use super::canvas::{Canvas, Type, counted, text_width};
+use super::canvas::{Canvas, Type, text_width};
 use super::{LABEL_HEIGHT, MARGIN};
 use crate::graph::{EdgeKind, TopologicalGraph};
 use crate::view::layout::{Block, GraphLayout};
 use crate::view::palette::{self, GREY, INK};
+use crate::wording::counted;
 
 const LABEL_SIZE: f32 = 12.5;
 

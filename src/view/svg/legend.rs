@@ -1,8 +1,9 @@
 use super::MARGIN;
-use super::canvas::{Canvas, Type, grouped};
+use super::canvas::{Canvas, Type};
 use super::edges::Drawn;
 use super::route;
 use crate::view::palette::{CROSS_TASK, CROSS_TASK_PALE, GREY, INK};
+use crate::wording::grouped;
 
 /// What the marks mean, and how many edges are drawn of how many.
 pub(super) fn paint(canvas: &mut Canvas, drawn: &Drawn, top: f32, right: f32, has_route: bool) {
