@@ -58,6 +58,10 @@ const OPENING_REMEMBERED: usize = 12;
 const LEAST_PEAK: f32 = 0.05;
 /// Sureness from which it counts in full.
 const FULL_PEAK: f32 = 0.2;
+/// The same for where a place is at which the gripper is to open, and at which demonstrations aim with the arm; there it
+/// counts by its square: a sight that is half as sure is at least twice as far off, and shows little more than where such a
+/// place mostly is.
+const AIMED_FULL_PEAK: f32 = 0.4;
 /// Largest median error of a landmark that is approached.
 const LARGEST_ERROR_PIXELS: f32 = 12.0;
 /// Steps before an event from which on the robot is led.
@@ -143,7 +147,9 @@ impl Approach {
         self.closed_steps += 1;
         let lens_of = |camera| self.book.robot.lens(&self.posture, camera);
         let lenses: Vec<Option<Lens>> = self.cameras.iter().map(lens_of).collect();
-        let hidden: Vec<bool> = (0..self.seen.len()).map(|n| self.is_hidden(n)).collect();
+        let all = 0..self.seen.len();
+        let hidden: Vec<bool> = all.clone().map(|n| self.is_hidden(n)).collect();
+        let aimed: Vec<bool> = all.map(|n| self.is_aimed_at(n)).collect();
         for (landmark, seen) in self.seen.iter_mut().enumerate() {
             if hidden[landmark] {
                 continue;
@@ -157,10 +163,17 @@ impl Approach {
             let sightings = views.filter_map(|(view, lens)| {
                 let sight = view.of(latent, landmark);
                 let is_seen = sight.peak >= LEAST_PEAK;
+                let sureness = (sight.peak / FULL_PEAK).min(1.0);
+                let weight = if aimed[landmark] {
+                    (sight.peak / AIMED_FULL_PEAK).min(1.0).powi(2)
+                } else {
+                    sureness
+                };
                 lens.filter(|_| is_seen).map(|lens| Sighting {
                     lens,
                     pixel: sight.pixel,
-                    weight: (sight.peak / FULL_PEAK).min(1.0),
+                    weight,
+                    sureness,
                 })
             });
             seen.add(sightings.collect(), remembered);
@@ -314,10 +327,13 @@ impl Approach {
     fn place(&self, number: usize) -> Option<Point3<f32>> {
         let landmark = &self.book.landmarks[number];
         let sightings = self.seen[number].sightings()?;
+        let of_gripper_m = landmark.height_spread_m;
         let spread_m = if landmark.closes {
-            self.keys.height_spread_m(landmark.height_spread_m)
+            self.keys.height_spread_m(of_gripper_m)
+        } else if self.is_aimed_at(number) {
+            self.keys.drop_spread_m(of_gripper_m)
         } else {
-            landmark.height_spread_m
+            of_gripper_m
         };
         let place = place_of(&sightings, landmark.height_m, spread_m)?;
         Some(self.posture.in_base(&place))

@@ -9,8 +9,10 @@ pub(super) struct Sighting {
     pub(super) lens: Lens,
     /// The pixel, x to the right and y down.
     pub(super) pixel: [f32; 2],
-    /// From 0 to 1.
+    /// How much it counts for where the landmark is, from 0 to 1.
     pub(super) weight: f32,
+    /// How much it counts for whether the landmark is seen at all, from 0 to 1.
+    pub(super) sureness: f32,
 }
 
 /// Standard deviation of a sighting of weight 1, in pixels.
@@ -82,6 +84,7 @@ mod tests {
                     lens: robot.lens(&posture, &camera).unwrap(),
                     pixel,
                     weight: 1.0,
+                    sureness: 1.0,
                 });
             }
         }

@@ -2,8 +2,8 @@ use std::collections::VecDeque;
 
 use crate::rollout::place::Sighting;
 
-/// Least weight of all sightings together.
-const LEAST_WEIGHT: f32 = 0.5;
+/// Least sureness of all sightings together.
+const LEAST_SURENESS: f32 = 0.5;
 /// Weight of the sightings since the base moved from which older ones do not count: a base that furniture stopped did
 /// not get as far as it was sent, and what was seen before is not where it seems.
 const FRESH_WEIGHT: f32 = 2.0;
@@ -42,12 +42,12 @@ impl Seen {
         let since = |first: usize| -> Vec<Sighting> {
             self.pictures.range(first..).flatten().copied().collect()
         };
-        let weight = |sightings: &[Sighting]| sightings.iter().map(|s| s.weight).sum::<f32>();
         let fresh = since(self.pictures.len() - self.fresh);
-        if weight(&fresh) >= FRESH_WEIGHT {
+        if fresh.iter().map(|s| s.weight).sum::<f32>() >= FRESH_WEIGHT {
             return Some(fresh);
         }
         let all = since(0);
-        (weight(&all) >= LEAST_WEIGHT).then_some(all)
+        let sureness: f32 = all.iter().map(|s| s.sureness).sum();
+        (sureness >= LEAST_SURENESS).then_some(all)
     }
 }

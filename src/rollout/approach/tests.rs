@@ -196,6 +196,22 @@ fn what_is_seen_of_a_place_beside_the_gripper_is_not_believed() {
 }
 
 #[test]
+fn an_unsure_sight_of_where_to_open_counts_by_the_square_of_its_sureness() {
+    let (sure, unsure) = (Point3::new(0.6, 0.0, 0.3), Point3::new(0.6, 0.12, 0.3));
+    let believed = |closes: bool| {
+        let mut approach = approach(landmark(closes, [1.0, 0.0, 0.0]));
+        approach.note(class("gripper_close"));
+        approach.look(&latent(&approach, &sure));
+        let mut faint = latent(&approach, &unsure);
+        (faint[2], faint[5]) = (0.1, 0.1);
+        (0..3).for_each(|_| approach.look(&faint));
+        approach.place(0).unwrap().y
+    };
+    let (closing, opening) = (believed(true), believed(false));
+    assert!(opening < 0.5 * closing, "{opening} and {closing}");
+}
+
+#[test]
 fn what_is_held_is_not_let_go_beside_its_place_nor_long_before() {
     let mut approach = approach(landmark(false, [1.0, 0.0, 0.0]));
     let open = class("gripper_open");
@@ -376,6 +392,33 @@ fn a_gripper_that_is_low_rises_before_it_goes_over_its_place() {
     approach.note(class("end_effector_down"));
     let next = approach.next(&goal(1), |_| false);
     assert_eq!(next, Some(class("end_effector_up")));
+}
+
+#[test]
+fn an_arm_that_reaches_no_farther_comes_down_to_where_demonstrations_open_and_then_the_base_goes_ahead()
+ {
+    let actions = ["gripper_close", "end_effector_up", "gripper_open"];
+    let next = |up: usize, x: f32, blocked: &[&str]| {
+        let mut approach = shown(
+            &actions,
+            vec![(2, 0)],
+            vec![landmark(false, [1.0, 0.0, 0.0])],
+        );
+        approach.note(class("gripper_close"));
+        approach.look(&latent(&approach, &Point3::new(x, 0.0, 0.3)));
+        (0..up).for_each(|_| approach.note(class("end_effector_up")));
+        let is_blocked = |c: usize| blocked.contains(&NAMES[c]);
+        approach.next(&goal(1), is_blocked).map(|c| NAMES[c])
+    };
+    let short = ["end_effector_forward"];
+    assert_eq!(next(3, 0.45, &[]), Some("end_effector_forward"));
+    assert_eq!(next(3, 0.45, &short), Some("end_effector_down"));
+    assert_eq!(next(1, 0.45, &short), Some("base_forward"));
+    let stopped = ["end_effector_forward", "base_forward"];
+    assert_eq!(next(1, 0.45, &stopped), None);
+    assert_eq!(next(1, 0.40, &short), None, "it would be as far beyond");
+    let across = ["end_effector_left", "end_effector_right"];
+    assert_eq!(next(1, 0.45, &across), Some("end_effector_forward"));
 }
 
 #[test]

@@ -98,10 +98,35 @@ impl Approach {
         for (axis, off) in [(1, gripper.y - aside), (0, gripper.x - place.x)] {
             let (class, step) = self.keys.axes[axis][usize::from(off < 0.0)]?;
             if off.abs() > self.wide_m(landmark, axis).max(NEAR_STEPS * step) {
-                return free(class);
+                let short_m = if axis == 0 { -off } else { 0.0 };
+                return free(class).or_else(|| self.nearer(number, short_m, free));
             }
         }
         self.keys.open.filter(|_| aside == place.y).and_then(free)
+    }
+
+    /// What brings an arm that reaches no farther nearer to the place at which it is to open: down to the height at which
+    /// demonstrations open, since a high arm reaches less far, or else the base ahead, if it is then nearer.
+    fn nearer(
+        &self,
+        number: usize,
+        short_m: f32,
+        free: impl Fn(usize) -> Option<usize>,
+    ) -> Option<usize> {
+        let high = (self.shown.height_m(number)).map(|h| self.posture.gripper_m()[2] - h);
+        let down = self.keys.axes[2][0]
+            .filter(|(_, step)| high.is_some_and(|high| high > NEAR_STEPS * step))
+            .and_then(|(class, _)| free(class));
+        let drive = self.keys.drives[1]
+            .filter(|(_, drive_m)| short_m > 0.5 * drive_m)
+            .and_then(|(class, _)| free(class));
+        down.or(drive)
+    }
+
+    /// Whether a place is one at which the gripper opens and to which demonstrations bring it ahead or back with the arm.
+    pub(super) fn is_aimed_at(&self, number: usize) -> bool {
+        let landmark = &self.book.landmarks[number];
+        !landmark.closes && self.wide_m(landmark, 0) == 0.0
     }
 
     /// How far to one side of a place along an axis the gripper may open, where demonstrations do not aim along it.
