@@ -19,8 +19,6 @@ pub use baseline::{
 };
 pub use encoder::Encoder;
 pub use error::ModelError;
-#[cfg(test)]
-pub(crate) use grasp_sense::GRASP_CELLS;
 pub(crate) use grasp_sense::grasp_values;
 pub use grasp_sense::{GraspSense, GraspSight};
 pub(crate) use landmark_book::median;

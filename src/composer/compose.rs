@@ -9,6 +9,7 @@ use super::reader::{Reader, suggestion};
 use super::resolved_task::{ResolvedTask, read_task, read_task_node};
 use super::source::{Located, Source};
 use super::yaml::{self, Node, Value};
+use crate::wording::counted;
 
 /// Where tasks are, below a project's root.
 const TASKS: &str = "tasks";
@@ -131,10 +132,10 @@ fn load_named(name: &Located<String>, root: &Path, faults: &mut Faults) -> Optio
     let task = Source::read(&path, faults).and_then(|s| read_task(&s, root, faults));
     let own = faults.error_count() - before;
     if own > 0 {
-        let plural = if own == 1 { "" } else { "s" };
         let message = format!(
-            "the task '{}' has {own} fault{plural} of its own",
-            name.value
+            "the task '{}' has {} of its own",
+            name.value,
+            counted(own, "fault")
         );
         let fault = Diagnostic::error(message).at_any(name.origin.as_ref());
         faults.add(

@@ -4,7 +4,7 @@ use super::{most_probable, softmax};
 use crate::trajectory::{CameraSpec, Image, Observation};
 
 /// Rows and columns that the part of the picture around the gripper is averaged to.
-pub(crate) const GRASP_CELLS: [u32; 2] = [15, 18];
+const GRASP_CELLS: [u32; 2] = [15, 18];
 
 /// Tells from one camera's picture of the gripper whether it is open, closed on nothing, or holds something: a
 /// multinomial logistic regression on the pixels around it.

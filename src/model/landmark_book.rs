@@ -147,20 +147,28 @@ impl LandmarkBook {
 }
 
 #[cfg(test)]
+impl Landmark {
+    /// One that is seen well, 0.3 m above the floor.
+    pub(crate) fn example(closes: bool, approach: [f32; 3]) -> Self {
+        Self {
+            closes,
+            height_m: 0.3,
+            height_spread_m: 0.0,
+            tilt_rad: 0.0,
+            approach,
+            clearance_m: 0.07,
+            reach_m: [[0.35, 0.6], [-0.1, 0.1]],
+            error_pixels: 2.0,
+        }
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
     fn book() -> LandmarkBook {
-        let landmark = Landmark {
-            closes: true,
-            height_m: 0.3,
-            height_spread_m: 0.0,
-            tilt_rad: 0.0,
-            approach: [1.0, 0.0, 0.0],
-            clearance_m: 0.06,
-            reach_m: [[0.3, 0.6], [-0.2, 0.2]],
-            error_pixels: 2.0,
-        };
+        let landmark = Landmark::example(true, [1.0, 0.0, 0.0]);
         LandmarkBook {
             robot: RobotGeometry::locobot(),
             views: vec![LandmarkView {

@@ -1,6 +1,7 @@
 use std::fmt;
 
 use super::{EndCandidate, Explanation, OrdersExplained, PlanPart, TaskEnds};
+use crate::wording::counted;
 
 impl fmt::Display for Explanation {
     /// Some dozens of lines, the last one without an end of line.
@@ -10,11 +11,12 @@ impl fmt::Display for Explanation {
         for stage in &self.stages {
             let is_new = occurrence != Some(stage.occurrence);
             let task = if is_new { stage.task.as_str() } else { "" };
-            let plural = if stage.demonstrations == 1 { "" } else { "s" };
             writeln!(
                 f,
-                "  {:>3}  {task:<12} to {} (in {} demonstration{plural})",
-                stage.stage, stage.subgoal, stage.demonstrations
+                "  {:>3}  {task:<12} to {} (in {})",
+                stage.stage,
+                stage.subgoal,
+                counted(stage.demonstrations, "demonstration")
             )?;
             occurrence = Some(stage.occurrence);
         }
@@ -30,14 +32,9 @@ impl fmt::Display for Explanation {
         writeln!(f, "  {:<22} {steps:>4} steps  cost {cost:>7.2}", "in all")?;
         writeln!(
             f,
-            "the plan holds with probability {:.3}: {} predicted edge{}, if {}",
+            "the plan holds with probability {:.3}: {}, if {}",
             self.odds.probability,
-            self.odds.predicted_edges.len(),
-            if self.odds.predicted_edges.len() == 1 {
-                ""
-            } else {
-                "s"
-            },
+            counted(self.odds.predicted_edges.len(), "predicted edge"),
             self.odds.assumption
         )?;
         for edge in &self.odds.predicted_edges {

@@ -30,19 +30,6 @@ fn camera(name: &str) -> CameraSpec {
     }
 }
 
-fn landmark(closes: bool, approach: [f32; 3]) -> Landmark {
-    Landmark {
-        closes,
-        height_m: 0.3,
-        height_spread_m: 0.0,
-        tilt_rad: 0.0,
-        approach,
-        clearance_m: 0.07,
-        reach_m: [[0.35, 0.6], [-0.1, 0.1]],
-        error_pixels: 2.0,
-    }
-}
-
 fn approach(landmark: Landmark) -> Approach {
     let view = |first| LandmarkView {
         first,
@@ -101,7 +88,7 @@ fn led(approach: &mut Approach, place: &Point3<f32>, blocked: &[&str]) -> Vec<&'
 
 #[test]
 fn the_gripper_comes_into_line_goes_ahead_and_closes() {
-    let mut approach = approach(landmark(true, [1.0, 0.0, 0.0]));
+    let mut approach = approach(Landmark::example(true, [1.0, 0.0, 0.0]));
     let done = led(&mut approach, &Point3::new(0.48, 0.07, 0.3), &[]);
     assert_eq!(done.last(), Some(&"gripper_close"), "{done:?}");
     let ahead = done.iter().position(|n| *n == "end_effector_forward");
@@ -114,7 +101,7 @@ fn the_gripper_comes_into_line_goes_ahead_and_closes() {
 
 #[test]
 fn a_gripper_beside_its_thing_goes_back_before_it_goes_across() {
-    let mut approach = approach(landmark(true, [0.0, 0.0, -1.0]));
+    let mut approach = approach(Landmark::example(true, [0.0, 0.0, -1.0]));
     let place = Point3::new(0.42, -0.09, 0.36);
     approach.book = Arc::new(LandmarkBook {
         landmarks: vec![Landmark {
@@ -133,7 +120,7 @@ fn a_gripper_beside_its_thing_goes_back_before_it_goes_across() {
 
 #[test]
 fn what_stops_the_gripper_right_before_its_thing_is_that_thing() {
-    let mut approach = approach(landmark(true, [1.0, 0.0, 0.0]));
+    let mut approach = approach(Landmark::example(true, [1.0, 0.0, 0.0]));
     let place = Point3::new(0.40, 0.0, 0.36);
     approach.book = Arc::new(LandmarkBook {
         landmarks: vec![Landmark {
@@ -151,7 +138,7 @@ fn what_stops_the_gripper_right_before_its_thing_is_that_thing() {
 
 #[test]
 fn the_gripper_is_brought_over_a_place_first_to_the_side_and_then_opens() {
-    let mut approach = approach(landmark(false, [1.0, 0.0, 0.0]));
+    let mut approach = approach(Landmark::example(false, [1.0, 0.0, 0.0]));
     let place = Point3::new(0.45, 0.08, 0.3);
     assert!(
         led(&mut approach, &place, &[]).is_empty(),
@@ -175,7 +162,7 @@ fn the_base_is_driven_to_where_the_gripper_reaches_over_a_place() {
     ] {
         let mut approach = approach(Landmark {
             reach_m: [ahead, [-0.1, 0.1]],
-            ..landmark(false, [1.0, 0.0, 0.0])
+            ..Landmark::example(false, [1.0, 0.0, 0.0])
         });
         approach.note(class("gripper_close"));
         approach.look(&latent(&approach, &Point3::new(0.57, 0.0, 0.3)));
@@ -186,7 +173,7 @@ fn the_base_is_driven_to_where_the_gripper_reaches_over_a_place() {
 
 #[test]
 fn what_is_seen_of_a_place_beside_the_gripper_is_not_believed() {
-    let mut approach = approach(landmark(false, [1.0, 0.0, 0.0]));
+    let mut approach = approach(Landmark::example(false, [1.0, 0.0, 0.0]));
     approach.note(class("gripper_close"));
     let place = Point3::new(0.45, 0.0, 0.3);
     approach.look(&latent(&approach, &place));
@@ -199,7 +186,7 @@ fn what_is_seen_of_a_place_beside_the_gripper_is_not_believed() {
 fn an_unsure_sight_of_where_to_open_counts_by_the_square_of_its_sureness() {
     let (sure, unsure) = (Point3::new(0.6, 0.0, 0.3), Point3::new(0.6, 0.12, 0.3));
     let believed = |closes: bool| {
-        let mut approach = approach(landmark(closes, [1.0, 0.0, 0.0]));
+        let mut approach = approach(Landmark::example(closes, [1.0, 0.0, 0.0]));
         approach.note(class("gripper_close"));
         approach.look(&latent(&approach, &sure));
         let mut faint = latent(&approach, &unsure);
@@ -213,7 +200,7 @@ fn an_unsure_sight_of_where_to_open_counts_by_the_square_of_its_sureness() {
 
 #[test]
 fn what_is_held_is_not_let_go_beside_its_place_nor_long_before() {
-    let mut approach = approach(landmark(false, [1.0, 0.0, 0.0]));
+    let mut approach = approach(Landmark::example(false, [1.0, 0.0, 0.0]));
     let open = class("gripper_open");
     let far = Node {
         trajectory: "far".to_owned(),
@@ -245,7 +232,7 @@ fn what_is_held_is_not_let_go_beside_its_place_nor_long_before() {
 
 #[test]
 fn the_robot_is_not_led_from_afar_nor_where_nothing_is_seen() {
-    let mut approach = approach(landmark(true, [1.0, 0.0, 0.0]));
+    let mut approach = approach(Landmark::example(true, [1.0, 0.0, 0.0]));
     let place = Point3::new(0.54, 0.05, 0.3);
     approach.look(&latent(&approach, &place));
     assert!(
@@ -292,7 +279,7 @@ fn after_a_closing_the_robot_does_what_demonstrations_do_then() {
     let mut approach = shown(
         &actions,
         vec![(0, 0)],
-        vec![landmark(true, [1.0, 0.0, 0.0])],
+        vec![Landmark::example(true, [1.0, 0.0, 0.0])],
     );
     let close = class("gripper_close");
     assert_eq!(approach.depart(|_| false), None, "nothing was closed");
@@ -336,7 +323,7 @@ fn the_arm_rests_where_demonstrations_only_drive() {
     let mut approach = shown(
         &actions,
         vec![(9, 0)],
-        vec![landmark(true, [1.0, 0.0, 0.0])],
+        vec![Landmark::example(true, [1.0, 0.0, 0.0])],
     );
     approach.note(class("end_effector_forward"));
     approach.note(class("end_effector_forward"));
@@ -365,7 +352,7 @@ fn the_arm_rests_where_demonstrations_only_drive() {
 
 #[test]
 fn the_gripper_is_not_closed_beside_a_thing_that_is_seen() {
-    let mut approach = approach(landmark(true, [1.0, 0.0, 0.0]));
+    let mut approach = approach(Landmark::example(true, [1.0, 0.0, 0.0]));
     approach.look(&latent(&approach, &Point3::new(0.54, 0.05, 0.3)));
     let close = class("gripper_close");
     assert_eq!(approach.too_early(&goal(8)), Some(close));
@@ -384,7 +371,7 @@ fn a_gripper_that_is_low_rises_before_it_goes_over_its_place() {
     let mut approach = shown(
         &actions,
         vec![(2, 0)],
-        vec![landmark(false, [1.0, 0.0, 0.0])],
+        vec![Landmark::example(false, [1.0, 0.0, 0.0])],
     );
     approach.note(class("gripper_close"));
     approach.look(&latent(&approach, &Point3::new(0.45, 0.3, 0.3)));
@@ -402,7 +389,7 @@ fn an_arm_that_reaches_no_farther_comes_down_to_where_demonstrations_open_and_th
         let mut approach = shown(
             &actions,
             vec![(2, 0)],
-            vec![landmark(false, [1.0, 0.0, 0.0])],
+            vec![Landmark::example(false, [1.0, 0.0, 0.0])],
         );
         approach.note(class("gripper_close"));
         approach.look(&latent(&approach, &Point3::new(x, 0.0, 0.3)));
@@ -423,7 +410,7 @@ fn an_arm_that_reaches_no_farther_comes_down_to_where_demonstrations_open_and_th
 
 #[test]
 fn a_gripper_as_high_as_it_gets_goes_across_as_low_as_it_is() {
-    let mut approach = approach(landmark(true, [0.0, 0.0, -1.0]));
+    let mut approach = approach(Landmark::example(true, [0.0, 0.0, -1.0]));
     let place = Point3::new(0.42, -0.09, 0.3);
     approach.note(class("end_effector_down"));
     approach.look(&latent(&approach, &place));
@@ -440,7 +427,11 @@ fn the_base_is_driven_up_where_the_arm_would_reach_too_far_and_the_gripper_is_no
  {
     let next = |direction, departure, x: f32| {
         let actions = [&["base_backward"; 12][..], &["gripper_close", departure]].concat();
-        let mut approach = shown(&actions, vec![(12, 0)], vec![landmark(true, direction)]);
+        let mut approach = shown(
+            &actions,
+            vec![(12, 0)],
+            vec![Landmark::example(true, direction)],
+        );
         let [gripper_x, _, z] = approach.posture.gripper_m();
         assert!((gripper_x - 0.36).abs() < 1e-6);
         for _ in 0..5 {
@@ -474,7 +465,7 @@ fn a_closing_that_is_seen_to_hold_nothing_is_tried_again_a_step_farther() {
     let lifted = ["gripper_close", "end_effector_up", "base_backward"];
     let pulled = ["gripper_close", "base_backward", "base_backward"];
     let after = |actions: &[&str; 3], sights: &[f64]| {
-        let made = landmark(true, [1.0, 0.0, 0.0]);
+        let made = Landmark::example(true, [1.0, 0.0, 0.0]);
         let mut approach = shown(actions, vec![(0, 0)], vec![made]);
         approach.chosen(class("gripper_close"), &goal(0));
         approach.note(class("gripper_close"));
@@ -508,7 +499,7 @@ fn a_closing_that_is_seen_to_hold_nothing_is_tried_again_a_step_farther() {
 
 #[test]
 fn a_base_that_was_stopped_does_not_spoil_where_a_place_is() {
-    let mut approach = approach(landmark(true, [1.0, 0.0, 0.0]));
+    let mut approach = approach(Landmark::example(true, [1.0, 0.0, 0.0]));
     let look = |approach: &mut Approach, x: f32| {
         approach.look(&latent(approach, &Point3::new(x, 0.0, 0.3)));
     };

@@ -71,14 +71,8 @@ impl Approach {
         if self.beside_m(place) > FAR_FROM_M {
             return None;
         }
-        if let Some(height_m) = self.shown.height_m(number) {
-            let low = height_m - gripper.z;
-            if let Some((class, step)) = self.keys.axes[2][usize::from(low > 0.0)]
-                && (low > NEAR_STEPS * step || low < -WIDE_STEPS * step)
-                && let Some(class) = free(class)
-            {
-                return Some(class);
-            }
+        if let Some(class) = self.height_step(number, WIDE_STEPS).and_then(free) {
+            return Some(class);
         }
         let [least, most] = landmark.reach_m[0];
         let beyond = REACH_M + self.wide_m(landmark, 0);
@@ -113,14 +107,17 @@ impl Approach {
         short_m: f32,
         free: impl Fn(usize) -> Option<usize>,
     ) -> Option<usize> {
-        let high = (self.shown.height_m(number)).map(|h| self.posture.gripper_m()[2] - h);
-        let down = self.keys.axes[2][0]
-            .filter(|(_, step)| high.is_some_and(|high| high > NEAR_STEPS * step))
-            .and_then(|(class, _)| free(class));
-        let drive = self.keys.drives[1]
-            .filter(|(_, drive_m)| short_m > 0.5 * drive_m)
-            .and_then(|(class, _)| free(class));
-        down.or(drive)
+        let drive = self.keys.drives[1].filter(|(_, drive_m)| short_m > 0.5 * drive_m);
+        let down = self.height_step(number, NEAR_STEPS).and_then(&free);
+        down.or_else(|| drive.and_then(|(class, _)| free(class)))
+    }
+
+    /// The class that brings the gripper to the height at which demonstrations open it; none where it is not low, and no
+    /// more than so many steps high.
+    fn height_step(&self, number: usize, high_steps: f32) -> Option<usize> {
+        let low = self.shown.height_m(number)? - self.posture.gripper_m()[2];
+        let (class, step) = self.keys.axes[2][usize::from(low > 0.0)]?;
+        (low > NEAR_STEPS * step || low < -high_steps * step).then_some(class)
     }
 
     /// Whether a place is one at which the gripper opens and to which demonstrations bring it ahead or back with the arm.

@@ -6,6 +6,7 @@ use super::{EventLevel, RolloutScene, StepView};
 use crate::graph::{NodeId, TopologicalGraph};
 use crate::model::ActionDistribution;
 use crate::trajectory::ActionSpace;
+use crate::wording::counted;
 
 const BAR_CELLS: f32 = 12.0;
 /// Classes of a head that are shown when it has many.
@@ -48,9 +49,7 @@ pub(super) fn plan(scene: &RolloutScene<'_>, view: &StepView<'_>) -> String {
     text.push_str(&place("here", view.current, "lost"));
     text.push_str(&place("goal", view.goal_node, "none"));
     text.push_str(&place("final state", view.path.last().copied(), "no path"));
-    let nodes = view.path.len();
-    let ending = if nodes == 1 { "" } else { "s" };
-    let _ = write!(text, "**path**  {nodes} node{ending}");
+    let _ = write!(text, "**path**  {}", counted(view.path.len(), "node"));
     if let Some(cost) = view.cost_to_go_steps {
         let _ = write!(text, ", cost {cost:.1} steps");
     }

@@ -1,0 +1,253 @@
+use std::collections::BTreeMap;
+
+use super::*;
+use crate::graph::TopologicalGraph;
+use crate::graph::fakes::{BrokenEncoder, Oracle, PixelEncoder, add_demonstration, task};
+use crate::model::{
+    ActionDistribution, GraspSense, Landmark, LandmarkBook, LocalPolicy, grasp_values,
+};
+use crate::planner::{FilterOptions, FinalChoice, PlannerOptions};
+use crate::task::Automaton;
+use crate::trajectory::{Image, RobotGeometry};
+
+/// Somebody else drives.
+struct Nobody;
+
+impl LocalPolicy for Nobody {
+    fn act(&self, _: &[f32], _: &[f32]) -> Result<ActionDistribution, ModelError> {
+        unreachable!("a monitor does not act")
+    }
+}
+
+/// A planner for a corridor in which three demonstrations reach subgoals at 8, 16 and 24.
+fn corridor() -> Planner {
+    let walk = task("walk", &["first", "second", "third"]);
+    let mut graph = TopologicalGraph::new(3, 5);
+    for aside in 0..3 {
+        let place = |x: u8| vec![f32::from(x), 0.1 * aside as f32, 0.0];
+        let places: Vec<Vec<f32>> = (0..25).map(place).collect();
+        add_demonstration(&mut graph, &walk, &aside.to_string(), &places, &[8, 16, 24]);
+    }
+    Planner::new(
+        Arc::new(graph),
+        &Automaton::in_order(&[walk]),
+        &FinalChoice::Cheapest,
+        PlannerOptions::default(),
+    )
+    .expect("the corridor has a composition")
+}
+
+fn ahead(d_max: usize) -> Oracle {
+    Oracle::new(d_max, |a, b| {
+        let ahead = (b[0] - a[0]).round();
+        (ahead >= 0.0).then_some(ahead as u32)
+    })
+}
+
+fn seen_at(x: u8) -> Arc<Observation> {
+    let image = Image::new(1, 1, vec![x, 0, 0]).expect("one pixel");
+    Arc::new(Observation::new([("eye".to_owned(), image)]))
+}
+
+/// What a monitor says of a robot that is seen at these positions of the corridor.
+fn told(positions: impl IntoIterator<Item = u8>) -> Vec<Event> {
+    told_with(&RolloutOptions::default(), positions)
+}
+
+fn told_with(options: &RolloutOptions, positions: impl IntoIterator<Item = u8>) -> Vec<Event> {
+    let planner = corridor();
+    let oracle = ahead(5);
+    let model = RolloutModel {
+        encoder: &PixelEncoder::new(5),
+        traversability: &oracle,
+        policy: &Nobody,
+        landmarks: None,
+    };
+    let options = RolloutOptions {
+        near_probability: 0.0,
+        ..options.clone()
+    };
+    let mut monitor = Monitor::new(model, &planner, &options).expect("the graph is of the oracle");
+    let mut events = Vec::new();
+    for x in positions {
+        let sight = monitor.look(seen_at(x));
+        events.extend(sight.expect("the oracle knows all").events);
+    }
+    events
+}
+
+#[test]
+fn a_graph_of_another_d_max_is_refused_with_both() {
+    let model = RolloutModel {
+        encoder: &PixelEncoder::new(7),
+        traversability: &ahead(7),
+        policy: &Nobody,
+        landmarks: None,
+    };
+    let refused = Monitor::new(model, &corridor(), &RolloutOptions::default()).err();
+    let error = refused.expect("the graph has a d_max of 5").to_string();
+    assert!(error.contains("d_max 5, expected 7"), "{error}");
+}
+
+#[test]
+fn a_latent_that_is_no_number_is_an_error_at_its_step() {
+    let encoder = BrokenEncoder::new(5, [2, 0]);
+    let model = RolloutModel {
+        encoder: &encoder,
+        traversability: &ahead(5),
+        policy: &Nobody,
+        landmarks: None,
+    };
+    let options = RolloutOptions::default();
+    let mut monitor = Monitor::new(model, &corridor(), &options).expect("the graph fits");
+    for x in 0..2 {
+        monitor.look(seen_at(x)).expect("the encoder works here");
+    }
+    let error = monitor.look(seen_at(2)).unwrap_err().to_string();
+    for part in ["step 2", "value 1", "NaN", "train or export it again"] {
+        assert!(error.contains(part), "{error}");
+    }
+}
+
+#[test]
+fn a_walk_reaches_every_subgoal_in_order() {
+    let reached: Vec<String> = told((0..25).chain([24; 4]))
+        .into_iter()
+        .map(|event| match event {
+            Event::SubgoalReached { subgoal, .. } => subgoal.name,
+            other => other.to_string(),
+        })
+        .collect();
+    assert_eq!(reached, ["first", "second", "third"]);
+}
+
+#[test]
+fn a_robot_that_is_lost_for_long_is_said_to_be_and_to_be_found_again() {
+    let of_spell = |steps: usize| {
+        let walk = (0..5).chain(std::iter::repeat_n(90, steps)).chain(5..9);
+        let told = told(walk).into_iter();
+        told.filter(|event| matches!(event, Event::Lost { .. } | Event::Found { .. }))
+            .map(|event| event.to_string())
+            .collect::<Vec<_>>()
+    };
+    let patience = FilterOptions::default().lost_patience as usize;
+    let long = patience - 1 + TOLD_LOST_STEPS as usize;
+    assert!(of_spell(long - 1).is_empty());
+    let said = of_spell(long);
+    assert_eq!(said.len(), 2, "{said:?}");
+    assert_eq!(said[0], format!("step {}: lost", 5 + long - 1));
+    assert_eq!(said[1], format!("step {}: found again", 5 + long));
+}
+
+/// A gripper that closes at the first subgoal and opens at the second; it looks green when it is open and blue
+/// when it holds something.
+fn book_of_corridor() -> LandmarkBook {
+    let landmark = |closes| Landmark::example(closes, [1.0, 0.0, 0.0]);
+    let region = [0.0, 0.0, 1.0, 1.0];
+    let dark = Image::new(1, 1, vec![0; 3]).expect("one pixel");
+    let values = grasp_values(&dark, region).len();
+    let events = |aside: i32| (aside.to_string(), vec![(8, 0), (16, 1)]);
+    LandmarkBook {
+        robot: RobotGeometry::locobot(),
+        views: Vec::new(),
+        landmarks: vec![landmark(true), landmark(false)],
+        events: (0..3).map(events).collect(),
+        actions: BTreeMap::new(),
+        grasp: Some(GraspSense {
+            camera: "eye".to_owned(),
+            region,
+            mean: vec![0.0; values],
+            weights: [[0.0, 1.0, 0.0], [0.0; 3], [0.0, 0.0, 1.0]]
+                .map(|of_colours| of_colours.repeat(values / 3))
+                .to_vec(),
+            intercepts: vec![0.0, 100.0, 0.0],
+            things: Vec::new(),
+        }),
+    }
+}
+
+#[test]
+fn what_is_seen_to_be_taken_is_as_sure_as_the_sight_of_it() {
+    let (planner, oracle, book) = (corridor(), ahead(5), book_of_corridor());
+    let model = RolloutModel {
+        encoder: &PixelEncoder::new(5),
+        traversability: &oracle,
+        policy: &Nobody,
+        landmarks: Some(&book),
+    };
+    let options = RolloutOptions {
+        near_probability: 0.0,
+        filter: FilterOptions {
+            classifier_weight: 0.0,
+            ..FilterOptions::default()
+        },
+        ..RolloutOptions::default()
+    };
+    let mut monitor = Monitor::new(model, &planner, &options).expect("the graph fits");
+    // Too far from the first subgoal to be believed there.
+    let mut told_of = |gripper: [u8; 2]| {
+        let image = Image::new(1, 1, vec![2, gripper[0], gripper[1]]).expect("one pixel");
+        let seen = Arc::new(Observation::new([("eye".to_owned(), image)]));
+        let looks = (0..4).map(|_| monitor.look(Arc::clone(&seen)).expect("it is known"));
+        looks.flat_map(|sight| sight.events).collect::<Vec<_>>()
+    };
+    assert_eq!(told_of([255, 0]), []);
+    let events = told_of([0, 255]);
+    let [
+        Event::SubgoalReached {
+            subgoal,
+            confidence,
+            ..
+        },
+    ] = &events[..]
+    else {
+        panic!("{events:?}")
+    };
+    assert_eq!(subgoal.name, "first");
+    assert!(*confidence > 0.99, "{confidence}");
+}
+
+#[test]
+fn asking_the_nearest_states_only_tells_the_same() {
+    let walk = |nearest_states| -> Vec<(usize, String)> {
+        let options = RolloutOptions {
+            nearest_states,
+            ..RolloutOptions::default()
+        };
+        told_with(&options, (0..25).chain([24; 4]))
+            .into_iter()
+            .map(|event| match event {
+                Event::SubgoalReached { step, subgoal, .. } => (step, subgoal.name),
+                other => panic!("{other}"),
+            })
+            .collect()
+    };
+    assert_eq!(walk(Some(20)), walk(None));
+    assert_eq!(walk(None).len(), 3);
+}
+
+#[test]
+fn a_robot_beyond_what_it_never_reached_is_flagged_once() {
+    // Along a line a linear classifier tells the middle of three stages from the others at no place.
+    let options = RolloutOptions {
+        filter: FilterOptions {
+            classifier_weight: 0.0,
+            ..FilterOptions::default()
+        },
+        ..RolloutOptions::default()
+    };
+    let events = told_with(&options, (0..4).chain(18..22).chain([22; 12]));
+    let flagged: Vec<(&str, Vec<&str>)> = events
+        .iter()
+        .filter_map(|event| match event {
+            Event::Shortcut {
+                subgoal, skipped, ..
+            } => {
+                let names = skipped.iter().map(|s| s.name.as_str());
+                Some((subgoal.name.as_str(), names.collect()))
+            }
+            _ => None,
+        })
+        .collect();
+    assert_eq!(flagged, [("second", vec!["first"])], "{events:?}");
+}
