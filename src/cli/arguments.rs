@@ -144,8 +144,8 @@ pub struct TrainArguments {
     #[arg(long, value_name = "PATH", num_args = 1..)]
     pub practice: Vec<PathBuf>,
     /// Train nothing: take the networks of this model as they are, and learn anew what tells whether the gripper is
-    /// empty, from the demonstrations that the model was trained on and `--practice`.
-    #[arg(long, value_name = "MODEL", requires = "practice", conflicts_with_all = ["resume", "steps", "minutes", "config", "variant", "cameras", "seed", "method"])]
+    /// empty, and how far off places are seen, from the demonstrations that the model was trained on and `--practice`.
+    #[arg(long, value_name = "MODEL", requires = "practice", conflicts_with_all = ["resume", "steps", "minutes", "config", "variant", "cameras", "seed", "method", "preset", "run"])]
     pub keep_networks: Option<PathBuf>,
     /// With `--method mvp`: the visual encoder, trained elsewhere, as an ONNX file with one input
     /// [n, 3, height, width] and one output [n, features]. A JSON file beside it of the same name may say

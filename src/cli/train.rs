@@ -9,6 +9,7 @@ use super::error::CliError;
 use super::loaded::{read_demonstrations, read_options};
 use super::progress;
 use super::training_config::{preset, training_config, write_run};
+use crate::inference::Model;
 use crate::storage::{ReadOptions, Recordings};
 use crate::training::{
     FinishedModel, GripperPractice, Practised, TrainingEvent, TrainingObserver, export,
@@ -26,7 +27,7 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
         return Err(CliError::FrozenEncoderOfOurs);
     }
     if let Some(model) = &arguments.keep_networks {
-        return practise(arguments, model);
+        return practise(arguments, all, model);
     }
     // A wrong name is told before the demonstrations are read.
     preset(arguments)?;
@@ -80,8 +81,8 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
 /// What the digest of practice is called beside those of demonstrations, before the name of its task.
 const PRACTICE_OF: &str = "practice of ";
 
-/// `catena train --keep-networks`: learns the sense of grasps of a finished model anew.
-fn practise(arguments: &TrainArguments, folder: &Path) -> Result<(), CliError> {
+/// `catena train --keep-networks`: learns anew what a finished model's networks stay out of.
+fn practise(arguments: &TrainArguments, all: &Arguments, folder: &Path) -> Result<(), CliError> {
     let read = read_options(&arguments.read);
     let (sets, mut digests) = load_sets(&arguments.demos, arguments.bins, &read)?;
     let finished = FinishedModel::load(folder)?;
@@ -100,7 +101,8 @@ fn practise(arguments: &TrainArguments, folder: &Path) -> Result<(), CliError> {
         runs: &runs,
         demonstrations: &sets,
     };
-    let (manifest, practised) = finished.practised(&practice, digests, &arguments.out)?;
+    let encoder = Model::load(folder, all.engine.into())?;
+    let (manifest, practised) = finished.practised(&practice, &encoder, digests, &arguments.out)?;
     say_practised(practised);
     println!(
         "model {} in {}; the graphs of another are to be built anew",

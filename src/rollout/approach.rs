@@ -159,9 +159,8 @@ impl Approach {
             } else {
                 OPENING_REMEMBERED
             };
-            let views = self.book.views.iter().zip(&lenses);
-            let sightings = views.filter_map(|(view, lens)| {
-                let sight = view.of(latent, landmark);
+            let sightings = lenses.iter().enumerate().filter_map(|(camera, lens)| {
+                let sight = self.book.sight(latent, camera, landmark);
                 let is_seen = sight.peak >= LEAST_PEAK;
                 let sureness = (sight.peak / FULL_PEAK).min(1.0);
                 let weight = if aimed[landmark] {
@@ -330,8 +329,6 @@ impl Approach {
         let of_gripper_m = landmark.height_spread_m;
         let spread_m = if landmark.closes {
             self.keys.height_spread_m(of_gripper_m)
-        } else if self.is_aimed_at(number) {
-            self.keys.drop_spread_m(of_gripper_m)
         } else {
             of_gripper_m
         };

@@ -178,6 +178,12 @@ pub enum TrainingError {
         /// What it said.
         source: ModelError,
     },
+    /// The encoder of a model that is to be taught more gave no latents.
+    #[error("the model's encoder gave no latents of the demonstrations: {source}")]
+    Encoder {
+        /// What it said.
+        source: ModelError,
+    },
     /// The loss is no finite number any more.
     #[error(
         "the loss became {loss} at step {step}; lower the learning rate (it is {learning_rate}) and \

@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::export::write_folder;
-use super::{GripperPractice, Practised, TrainingConfig, TrainingError};
+use super::landmarks::learn_offsets;
+use super::{Dataset, GripperPractice, Practised, TrainingConfig, TrainingError};
 use crate::model::{
-    LANDMARKS_FILE, LandmarkBook, MANIFEST_FILE, ManifestError, ModelManifest, sha256_hex,
+    Encoder, LANDMARKS_FILE, LandmarkBook, MANIFEST_FILE, ManifestError, ModelManifest, sha256_hex,
 };
 
 /// An exported model, with the configuration that it was trained by.
@@ -62,21 +63,28 @@ impl FinishedModel {
         &self.manifest
     }
 
-    /// Learns the sense of grasps anew and writes the model with it to a folder, which may be its own. `datasets` are
-    /// digests of demonstrations and practice by the name of their set.
+    /// Learns anew what the networks stay out of, the sense of grasps and how far off landmarks are seen, and writes the
+    /// model with it to a folder, which may be its own. `encoder` is this model's, `datasets` are digests of demonstrations
+    /// and practice by the name of their set.
     ///
     /// # Errors
-    /// What [`GripperPractice::teach`] refuses, and [`TrainingError::Io`].
+    /// What [`GripperPractice::teach`] refuses, [`TrainingError::Encoder`], and [`TrainingError::Io`].
     ///
     /// # Panics
     /// Never: what is known of landmarks has a JSON form.
     pub fn practised(
         mut self,
         practice: &GripperPractice<'_>,
+        encoder: &dyn Encoder,
         datasets: BTreeMap<String, String>,
         folder: &Path,
     ) -> Result<(ModelManifest, Practised), TrainingError> {
         let practised = practice.teach(&self.config, self.book.as_mut())?;
+        if let Some(book) = &mut self.book {
+            let data = Dataset::new(practice.demonstrations)?.seen_by(&self.config.cameras)?;
+            learn_offsets(book, &data, &self.config, |states| encoder.encode(states))
+                .map_err(|source| TrainingError::Encoder { source })?;
+        }
         let json = serde_json::to_vec(&self.book).expect("a book of landmarks has a JSON form");
         let digest = sha256_hex(&json);
         self.files.insert(LANDMARKS_FILE.to_owned(), json);

@@ -7,10 +7,12 @@
 
 mod book;
 mod grasps;
+mod offsets;
 mod practice;
 
 use std::collections::HashMap;
 
+pub use offsets::learn_offsets;
 pub use practice::{GripperPractice, Practised};
 use serde::{Deserialize, Serialize};
 

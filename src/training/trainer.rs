@@ -1,3 +1,4 @@
+use std::convert::Infallible;
 use std::path::Path;
 
 use burn::tensor::Device;
@@ -8,7 +9,7 @@ use super::checkpoint::{BestSoFar, Checkpoint, TrainingState};
 use super::course::{self, Course, Pace, Progress, Sizes};
 use super::evaluation::{ValidationSet, encode, values};
 use super::history::History;
-use super::landmarks::{Landmarks, check_landmarks};
+use super::landmarks::{Landmarks, check_landmarks, learn_offsets};
 use super::learner::Learner;
 use super::motion_to_go::{MotionToGo, check_motion};
 use super::objective::Objective;
@@ -18,7 +19,7 @@ use super::{
     ChannelNormalisation, Dataset, LatentFlowNetwork, StepLosses, TrainedModel, TrainingConfig,
     TrainingError, TrainingEvent, TrainingObserver, training_device,
 };
-use crate::model::{LandmarkBook, ValidationMetrics};
+use crate::model::{LandmarkBook, Latents, ValidationMetrics};
 use crate::trajectory::{DemonstrationSet, State};
 
 /// What came of a training.
@@ -321,7 +322,8 @@ impl Course for Run<'_> {
     }
 }
 
-/// What a model says of its landmarks, with how well it sees them in all demonstrations that it was trained on.
+/// What a model says of its landmarks, with how well it sees them in all demonstrations that it was trained on, and how far
+/// off in all.
 fn landmark_book(
     landmarks: &Landmarks,
     model: &TrainedModel,
@@ -332,13 +334,23 @@ fn landmark_book(
     let states: Vec<State> = (seen.iter())
         .map(|at| data.state(*at, model.config.stack))
         .collect();
-    let latents = encode(&model.network, &states, pictures, &Device::flex())
-        .expect("the dataset has every camera in every observation");
+    let encode = |states: &[State]| {
+        encode(&model.network, states, pictures, &Device::flex())
+            .expect("the dataset has every camera in every observation")
+    };
+    let latents = encode(&states);
     let told: Vec<Vec<f32>> = (model.network.landmarks_of(&latents).into_iter())
         .map(values)
         .collect();
     let errors = landmarks.errors_before_events(&seen, &told, &pictures.grids);
-    Landmarks::book(data, &model.config, &pictures.grids, &errors)
+    let mut book = Landmarks::book(data, &model.config, &pictures.grids, &errors)?;
+    let latents_of = |states: &[State]| {
+        let latents = encode(states);
+        let dim = latents.dims()[1];
+        Ok::<_, Infallible>(Latents::from_values(dim, values(latents)))
+    };
+    let Ok(()) = learn_offsets(&mut book, data, &model.config, latents_of);
+    Some(book)
 }
 
 #[cfg(test)]

@@ -71,12 +71,6 @@ impl Keys {
         (of_gripper_m * of_gripper_m - step * step).max(0.0).sqrt()
     }
 
-    /// The same for what lands below the gripper: how far it falls is known to a step of the arm at best.
-    pub(super) fn drop_spread_m(&self, of_gripper_m: f32) -> f32 {
-        let step = self.axes[2][1].map_or(0.0, |(_, step)| step);
-        of_gripper_m.max(step)
-    }
-
     /// The class that goes on along the main axis of a direction and the one that goes back, and by how much.
     pub(super) fn along(&self, direction: &Vector3<f32>) -> [Option<(usize, f32)>; 2] {
         let main = direction.iamax();

@@ -385,7 +385,7 @@ fn a_gripper_that_is_low_rises_before_it_goes_over_its_place() {
 fn an_arm_that_reaches_no_farther_comes_down_to_where_demonstrations_open_and_then_the_base_goes_ahead()
  {
     let actions = ["gripper_close", "end_effector_up", "gripper_open"];
-    let next = |up: usize, x: f32, blocked: &[&str]| {
+    let begun = |up: usize, x: f32| {
         let mut approach = shown(
             &actions,
             vec![(2, 0)],
@@ -394,16 +394,25 @@ fn an_arm_that_reaches_no_farther_comes_down_to_where_demonstrations_open_and_th
         approach.note(class("gripper_close"));
         approach.look(&latent(&approach, &Point3::new(x, 0.0, 0.3)));
         (0..up).for_each(|_| approach.note(class("end_effector_up")));
+        approach
+    };
+    let then = |approach: &mut Approach, blocked: &[&str]| {
         let is_blocked = |c: usize| blocked.contains(&NAMES[c]);
         approach.next(&goal(1), is_blocked).map(|c| NAMES[c])
     };
+    let next = |up: usize, x: f32, blocked: &[&str]| then(&mut begun(up, x), blocked);
     let short = ["end_effector_forward"];
     assert_eq!(next(3, 0.45, &[]), Some("end_effector_forward"));
     assert_eq!(next(3, 0.45, &short), Some("end_effector_down"));
     assert_eq!(next(1, 0.45, &short), Some("base_forward"));
     let stopped = ["end_effector_forward", "base_forward"];
     assert_eq!(next(1, 0.45, &stopped), None);
-    assert_eq!(next(1, 0.40, &short), None, "it would be as far beyond");
+    let mut little = begun(1, 0.40);
+    assert_eq!(then(&mut little, &short), Some("base_forward"));
+    little.note(class("base_forward"));
+    assert_eq!(then(&mut little, &[]), Some("end_effector_backward"));
+    let behind = ["end_effector_backward"];
+    assert_eq!(next(1, 0.31, &behind), None, "it is no nearer from ahead");
     let across = ["end_effector_left", "end_effector_right"];
     assert_eq!(next(1, 0.45, &across), Some("end_effector_forward"));
 }

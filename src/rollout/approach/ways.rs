@@ -100,14 +100,15 @@ impl Approach {
     }
 
     /// What brings an arm that reaches no farther nearer to the place at which it is to open: down to the height at which
-    /// demonstrations open, since a high arm reaches less far, or else the base ahead, if it is then nearer.
+    /// demonstrations open, since a high arm reaches less far, or else the base ahead, where the arm comes back by what is
+    /// too much.
     fn nearer(
         &self,
         number: usize,
         short_m: f32,
         free: impl Fn(usize) -> Option<usize>,
     ) -> Option<usize> {
-        let drive = self.keys.drives[1].filter(|(_, drive_m)| short_m > 0.5 * drive_m);
+        let drive = self.keys.drives[1].filter(|_| short_m > 0.0);
         let down = self.height_step(number, NEAR_STEPS).and_then(&free);
         down.or_else(|| drive.and_then(|(class, _)| free(class)))
     }

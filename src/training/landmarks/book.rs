@@ -148,6 +148,7 @@ fn landmark(config: &LandmarkConfig, events: &[Event<'_>], error_pixels: f32) ->
             .clamp(least, most),
         reach_m: [reach(0), reach(1)],
         error_pixels,
+        offsets_pixels: Vec::new(),
     }
 }
 

@@ -226,6 +226,7 @@ fn moments(rows: &[Vec<f32>]) -> (Vec<f32>, Vec<f32>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::inference::{EngineChoice, Model};
     use crate::model::{GraspSight, LANDMARKS_FILE, LandmarkBook};
     use crate::simulator::{Bedroom, BedroomConfig, BedroomTask, Habits, Practice, demonstrate_on};
     use crate::training::landmarks::{GripperPractice, Landmarks};
@@ -349,7 +350,9 @@ mod tests {
         };
         let finished = FinishedModel::load(&folder).unwrap();
         let datasets = [("practice of sock".to_owned(), "ab".to_owned())];
-        let (after, practised) = (finished.practised(&practice, datasets.into(), &folder)).unwrap();
+        let encoder = Model::load(&folder, EngineChoice::Tract).unwrap();
+        let (after, practised) =
+            (finished.practised(&practice, &encoder, datasets.into(), &folder)).unwrap();
         assert!(practised.empty > 2 * 20, "{practised:?}");
         let changed = (before.files.iter()).filter(|(name, digest)| after.files[*name] != **digest);
         let changed: Vec<&String> = changed.map(|(name, _)| name).collect();

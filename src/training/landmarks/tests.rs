@@ -1,6 +1,8 @@
 use super::*;
+use crate::model::{Latents, ModelError};
+use crate::training::trained_model::spec_of;
 use crate::training::{Preset, synthetic};
-use crate::trajectory::DemonstrationSet;
+use crate::trajectory::{DemonstrationSet, State, Trajectory};
 
 const NAMES: [&str; 4] = ["left", "ahead", "gripper_close", "gripper_open"];
 
@@ -162,6 +164,75 @@ fn errors_are_told_in_pixels() {
 }
 
 #[test]
+fn it_is_learnt_how_far_off_places_to_open_at_are_seen() {
+    let config = config();
+    let shown = synthetic::acting(&NAMES, &[0, 1, 1, 2, 1, 1, 3, 0, 0]).trajectories()[0].clone();
+    let of = |demonstrations: usize| {
+        let one = |number: usize| Trajectory {
+            id: number.to_string(),
+            ..shown.clone()
+        };
+        let all = (0..demonstrations).map(one).collect();
+        Dataset::new(&[DemonstrationSet::new("a", all).unwrap()]).unwrap()
+    };
+    let offsets = |demonstrations: usize, peaks: [f32; 2]| {
+        let data = of(demonstrations);
+        let (found, grids) = (learnt(&data, &config), grids(&data, &config));
+        let mut book = Landmarks::book(&data, &config, &grids, &[1.0; 4]).unwrap();
+        let (views, dim) = (book.views.clone(), spec_of(&data, &config).latent_dim);
+        // Each camera sees it 2 pixels to the left and 1 pixel too low, but in one of a demonstration's pictures.
+        let encode = |states: &[State]| {
+            let mut latents = Latents::new(dim);
+            let steps = (0..states.len()).map(|row| row % (states.len() / demonstrations));
+            for step in steps {
+                let mut row = vec![0.0; dim];
+                for (camera, view) in views.iter().enumerate() {
+                    let mut shown = found.sightings(at(0, step as u32)).iter();
+                    let opening = shown.find(|s| s.landmark == 1).unwrap();
+                    let Some(pixel) = opening.pixels[camera] else {
+                        continue;
+                    };
+                    let off = if step == 0 { [9.0, 9.0] } else { [-2.0, 1.0] };
+                    for axis in [0, 1] {
+                        row[view.first + LANDMARK_VALUES + axis] = (pixel[axis] + off[axis]
+                            - view.middle_pixels[axis])
+                            / view.unit_pixels[axis];
+                    }
+                    row[view.first + LANDMARK_VALUES + 2] = peaks[camera];
+                }
+                latents.push(&row);
+            }
+            Ok::<_, ModelError>(latents)
+        };
+        learn_offsets(&mut book, &data, &config, encode).unwrap();
+        assert_eq!(
+            book.landmarks[0].offsets_pixels,
+            Vec::<[f32; 2]>::new(),
+            "it closes there"
+        );
+        book.landmarks[1].offsets_pixels.clone()
+    };
+    let near = |found: &[[f32; 2]], told: &[[f32; 2]]| {
+        assert_eq!(found.len(), told.len());
+        for (found, told) in found.iter().flatten().zip(told.iter().flatten()) {
+            assert!((found - told).abs() < 1e-3, "{found} {told}");
+        }
+    };
+    near(&offsets(20, [0.5, 0.4]), &[[-2.0, 1.0]; 2]);
+    near(&offsets(20, [0.5, 0.2]), &[[-2.0, 1.0], [0.0; 2]]);
+    near(&offsets(20, [0.2, 0.2]), &[]);
+    near(&offsets(2, [0.5, 0.4]), &[]);
+
+    let closing_only = dataset(&[[0, 0, 1, 2, 1, 1, 1, 1, 1]]);
+    let grids = grids(&closing_only, &config);
+    let mut book = Landmarks::book(&closing_only, &config, &grids, &[1.0; 4]).unwrap();
+    let before = book.clone();
+    let encode = |_: &[State]| -> Result<Latents, ModelError> { panic!("nothing is to be seen") };
+    learn_offsets(&mut book, &closing_only, &config, encode).unwrap();
+    assert_eq!(book, before);
+}
+
+#[test]
 fn a_book_says_how_demonstrations_come_to_a_place() {
     let data = dataset(&[[0, 1, 1, 2, 1, 3, 0, 0, 0]]);
     let config = config();
@@ -176,7 +247,7 @@ fn a_book_says_how_demonstrations_come_to_a_place() {
     assert_eq!((closing.height_m, closing.error_pixels), (0.3, 2.0));
     assert_eq!(book.events[data.id_of(1)], [(3, 0), (5, 1)]);
     // Two cameras of 8 values come first, and what the second sees of four landmarks comes last.
-    let spec = crate::training::trained_model::spec_of(&data, &config);
+    let spec = spec_of(&data, &config);
     assert_eq!(spec.latent_dim, 16 + 2 * 4 * 3);
     assert_eq!(book.misfit(spec.latent_dim, &spec.cameras), None);
     let mut latent = vec![0.0; spec.latent_dim];
