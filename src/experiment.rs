@@ -40,8 +40,8 @@ pub use interval::wilson_interval_95;
 pub use localisation::{LocalisationError, LocalisationScore};
 pub use loss_curve::{LossCurve, LossPoint, losses_table};
 pub use rate_cell::{
-    PAPER_TABLE_1, PAPER_TABLE_3, PAPER_TASKS, PublishedRate, RateCell, paper_rate, pooled,
-    rates_table,
+    PAPER_TABLE_1, PAPER_TABLE_3, PAPER_TASKS, PublishedRate, RateCell, paper_rate,
+    paper_rate_of_all, pooled, rates_table,
 };
 pub use reliability::{Forecast, Reliability, ReliabilityBin};
 pub use replay::Replay;

@@ -100,6 +100,7 @@ fn rate(cell: &ChainingCell) -> Rate {
         rate: cell.success_rate,
         interval: cell.interval_95,
         stands_out: cell.method == ChainingMethod::Ours,
+        published: None,
     }
 }
 

@@ -31,6 +31,19 @@ const DEMONSTRATIONS: usize = 20;
 /// Actions that are listed.
 const LISTED: usize = 3;
 
+/// What the paper's robot would do first, with what probability (Fu & Finn, Figure 6).
+const PAPER: [(&str, &str, f64); 3] = [
+    (BC.name, "base_forward", 0.68),
+    (BC.name, "base_turn_left", 0.31),
+    (OURS.name, "base_forward", 0.99),
+];
+
+/// The probability that an action had on the paper's robot.
+fn paper_probability(method: &str, action: &str) -> Option<f64> {
+    let of = |(by, what, _): &&(&str, &str, f64)| *by == method && *what == action;
+    PAPER.iter().find(of).map(|(_, _, p)| *p)
+}
+
 /// What a method would do first in some episodes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct CertaintyCell {
@@ -222,13 +235,22 @@ fn draw(out: &Path, cells: &[CertaintyCell]) -> Result<(), CliError> {
                 rate: *p,
                 interval: [(p - deviation).max(0.0), (p + deviation).min(1.0)],
                 stands_out: cell.method == OURS.name,
+                published: paper_probability(&cell.method, name),
             });
         }
     }
-    table.push_str(
-        "| the paper's robot, BC | | `base_forward` 0.68, `base_turn_left` 0.31 |\n\
-         | the paper's robot, ours | | `base_forward` 0.99 |\n",
-    );
+    for method in [BC, OURS] {
+        let of_method = PAPER.iter().filter(|(name, ..)| *name == method.name);
+        let listed: Vec<String> = of_method
+            .map(|(_, action, p)| format!("`{action}` {p:.2}"))
+            .collect();
+        let _ = writeln!(
+            table,
+            "| the paper's robot, {} | | {} |",
+            method.name,
+            listed.join(", ")
+        );
+    }
     keep_text(&out.join("table.md"), table.as_bytes())?;
     write_rates_svg(
         &out.join("fig6.svg"),

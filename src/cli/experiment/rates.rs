@@ -13,8 +13,8 @@ use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
 use crate::cli::kept::{keep, keep_text, kept};
 use crate::experiment::{
-    Evaluation, PAPER_TABLE_1, PAPER_TABLE_3, PAPER_TASKS, PublishedRate, RateCell, pooled,
-    rates_table,
+    Evaluation, PAPER_TABLE_1, PAPER_TABLE_3, PAPER_TASKS, PublishedRate, RateCell,
+    paper_rate_of_all, pooled, rates_table,
 };
 use crate::storage::sha256_file;
 use crate::view::{Rate, write_rates_svg};
@@ -116,6 +116,7 @@ impl Table {
                 rate,
                 interval,
                 stands_out: *name == self.methods[0].name,
+                published: paper_rate_of_all(self.paper, name, *demonstrations),
             })
         };
         let rates: Vec<Rate> = rows.iter().filter_map(bar).collect();

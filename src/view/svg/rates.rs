@@ -17,6 +17,8 @@ pub struct Rate {
     pub interval: [f64; 2],
     /// Whether its bar stands out from those that it is compared with.
     pub stands_out: bool,
+    /// What the paper's robot had, 0..=1.
+    pub published: Option<f64>,
 }
 
 const WIDTH: f32 = 900.0;
@@ -26,8 +28,11 @@ const BAR: f32 = 20.0;
 const LABEL_SIZE: f32 = 14.0;
 /// Beyond the bars, for their figures.
 const RIGHT: f32 = 70.0;
+/// From the middle of a published rate's mark to its corners.
+const MARK: f32 = 6.0;
 
-/// Rates as horizontal bars with their intervals, and a dashed line at a rate to compare with, as SVG text.
+/// Rates as horizontal bars with their intervals and marks at what was published, and a dashed line at a rate to compare with,
+/// as SVG text.
 #[must_use]
 pub fn rates_svg(rates: &[Rate], title: &str, compared: Option<(&str, f64)>) -> String {
     let bottom = TOP + rates.len() as f32 * ROW;
@@ -65,7 +70,25 @@ pub fn rates_svg(rates: &[Rate], title: &str, compared: Option<(&str, f64)>) -> 
         };
         canvas.text(x, bottom + 44.0, set, label);
     }
+    if rates.iter().any(|rate| rate.published.is_some()) {
+        let y = bottom + 40.0;
+        mark(&mut canvas, left, y);
+        let set = Type {
+            colour: palette::CROSS_TASK,
+            ..Type::default()
+        };
+        canvas.text(left + 14.0, y + 4.0, set, "the paper's robot");
+    }
     canvas.finish()
+}
+
+/// The mark of what was published.
+fn mark(canvas: &mut Canvas, x: f32, y: f32) {
+    canvas.push(format_args!(
+        "<path d=\"M{:.1} {y:.1}l{MARK} {MARK}l{MARK} -{MARK}l-{MARK} -{MARK}z\" fill=\"{}\" stroke=\"#ffffff\" stroke-width=\"1.5\"/>",
+        x - MARK,
+        palette::CROSS_TASK.hex()
+    ));
 }
 
 fn bar(canvas: &mut Canvas, rate: &Rate, top: f32, left: f32, at: &dyn Fn(f64) -> f32) {
@@ -101,8 +124,17 @@ fn bar(canvas: &mut Canvas, rate: &Rate, top: f32, left: f32, at: &dyn Fn(f64) -
         colour: INK,
         ..Type::default()
     };
+    let published = rate.published.map(at);
+    if let Some(x) = published {
+        mark(canvas, x, middle);
+    }
     let text = format!("{:.0} %", 100.0 * rate.rate);
-    canvas.text(high.max(at(rate.rate)) + 8.0, middle + 5.0, figure, &text);
+    let mut x = high + 8.0;
+    // A mark just behind the bar would lie on its figure.
+    if published.is_some_and(|mark| (high..x + text_width(&text, LABEL_SIZE)).contains(&mark)) {
+        x = published.unwrap_or(high) + MARK + 4.0;
+    }
+    canvas.text(x, middle + 5.0, figure, &text);
 }
 
 /// Writes [`rates_svg`] to a file, which is there as a whole or not at all.
@@ -129,6 +161,7 @@ mod tests {
             rate,
             interval: [0.0, 1.0],
             stands_out: true,
+            published: None,
         };
         let width = |share: f64| -> f32 {
             let svg = rates_svg(&[rate(share)], "rates", None);
@@ -142,5 +175,40 @@ mod tests {
         };
         assert!((width(0.5) - 2.0 * width(0.25)).abs() < 0.2);
         assert!(width(0.0).abs() < 0.1 && width(1.0) > 500.0);
+    }
+
+    #[test]
+    fn what_was_published_is_marked_and_leaves_the_figure_free() {
+        let svg = |published: Option<f64>| {
+            let rate = Rate {
+                label: "same".to_owned(),
+                rate: 0.5,
+                interval: [0.4, 0.6],
+                stands_out: true,
+                published,
+            };
+            rates_svg(&[rate], "rates", None)
+        };
+        let marks = |svg: &str| svg.matches("l6 6l6 -6l-6 -6z").count();
+        let figure_at = |svg: &str| -> f32 {
+            let line = svg
+                .lines()
+                .find(|l| l.contains(">50 %<"))
+                .expect("a figure");
+            let x = line.split("x=\"").nth(1).expect("a place");
+            x.split('"')
+                .next()
+                .and_then(|x| x.parse().ok())
+                .expect("a number")
+        };
+        let (without, beside, far) = (svg(None), svg(Some(0.62)), svg(Some(0.9)));
+        assert_eq!(
+            (marks(&without), marks(&beside), marks(&far)),
+            (0, 2, 2),
+            "in the legend, too"
+        );
+        assert!(!without.contains("the paper's robot") && far.contains("the paper's robot"));
+        assert!((figure_at(&far) - figure_at(&without)).abs() < 0.1);
+        assert!(figure_at(&beside) > figure_at(&without) + 10.0);
     }
 }
