@@ -1,6 +1,7 @@
 //! Table II: time that a step takes.
 
 use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -57,10 +58,14 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
     let out = out(paper, NAME);
     let workshop = Workshop::open(paper, arguments)?;
     let methods = chosen(&TABLE_1, &paper.methods)?;
-    let mut cells = Vec::new();
-    for (method, demonstrations) in rows(&methods, &size.demonstrations) {
+    let measured = if paper.only_draw {
+        Vec::new()
+    } else {
+        rows(&methods, &size.demonstrations)
+    };
+    for (method, demonstrations) in measured {
         for (engine, described) in ENGINES {
-            let file = out.join(format!("{}_{demonstrations}_{engine}.json", method.name));
+            let file = cell_file(&out, &method, demonstrations, engine);
             let words = size.training(&method, size.training_seed);
             let cores = std::thread::available_parallelism().map_or(1, usize::from);
             let digest = digest(&(
@@ -71,14 +76,11 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
                 size.seed,
                 cores,
             ))?;
-            if let Some(cell) =
-                kept::<TimeCell>(&file).filter(|c| c.digest == digest || paper.only_draw)
-            {
+            if kept::<TimeCell>(&file).is_some_and(|c| c.digest == digest) {
                 println!("kept: {}", file.display());
-                cells.push(cell);
                 continue;
             }
-            if paper.only_draw || !workshop.can_train(&method) {
+            if !workshop.can_train(&method) {
                 continue;
             }
             let seed = size.training_seed;
@@ -104,10 +106,24 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
                 commit: workshop.commit.clone(),
             };
             keep(&file, &cell)?;
-            cells.push(cell);
         }
     }
-    let table = table(&methods, &size.demonstrations, &cells);
+    draw(&out, &size.demonstrations)
+}
+
+fn cell_file(out: &Path, method: &Method, demonstrations: usize, engine: &str) -> PathBuf {
+    out.join(format!("{}_{demonstrations}_{engine}.json", method.name))
+}
+
+/// Makes the table of all cells that are there, whichever call measured them.
+fn draw(out: &Path, demonstrations: &[usize]) -> Result<(), CliError> {
+    let files = rows(&TABLE_1, demonstrations)
+        .into_iter()
+        .flat_map(|(method, number)| {
+            ENGINES.map(|(engine, _)| cell_file(out, &method, number, engine))
+        });
+    let cells: Vec<TimeCell> = files.filter_map(|file| kept(&file)).collect();
+    let table = table(&TABLE_1, demonstrations, &cells);
     keep_text(&out.join("table.md"), table.as_bytes())?;
     println!("\n{table}\nin {}", out.display());
     Ok(())
@@ -163,10 +179,9 @@ fn table(methods: &[Method], demonstrations: &[usize], cells: &[TimeCell]) -> St
 mod tests {
     use super::*;
 
-    #[test]
-    fn ours_has_a_row_for_each_graph_and_what_is_missing_says_so() {
-        let cell = TimeCell {
-            method: "ours".to_owned(),
+    fn cell(method: &str) -> TimeCell {
+        TimeCell {
+            method: method.to_owned(),
             demonstrations: 30,
             engine: "native".to_owned(),
             step_median_ms: 4.25,
@@ -176,8 +191,24 @@ mod tests {
             digest: String::new(),
             commands: Vec::new(),
             commit: None,
-        };
-        let table = table(&TABLE_1, &[10, 30], &[cell]);
+        }
+    }
+
+    #[test]
+    fn a_table_has_what_other_calls_measured() {
+        let place = tempfile::tempdir().unwrap();
+        for method in [TABLE_1[0], TABLE_1[1]] {
+            let file = cell_file(place.path(), &method, 30, "native");
+            keep(&file, &cell(method.name)).unwrap();
+        }
+        draw(place.path(), &[10, 30]).unwrap();
+        let table = std::fs::read_to_string(place.path().join("table.md")).unwrap();
+        assert_eq!(table.matches("**4.2** (9.0)").count(), 2, "{table}");
+    }
+
+    #[test]
+    fn ours_has_a_row_for_each_graph_and_what_is_missing_says_so() {
+        let table = table(&TABLE_1, &[10, 30], &[cell("ours")]);
         let lines: Vec<&str> = table.lines().collect();
         assert_eq!(lines.len(), 2 + 2 + 4);
         assert!(
