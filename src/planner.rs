@@ -36,6 +36,8 @@ mod cost_to_go;
 mod error;
 mod evidence;
 mod explanation;
+#[cfg(test)]
+pub(crate) mod fakes;
 mod filter_options;
 mod goal;
 mod grips;

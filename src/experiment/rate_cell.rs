@@ -156,31 +156,29 @@ pub fn rates_table(
         };
         let _ = write!(table, "| {described} | {demonstrations} |");
         for task in PAPER_TASKS {
-            let said = papers(paper_rate(paper, method, *demonstrations, task));
-            let measured = of_row().find(|c| c.task == task).map_or_else(
-                || "not measured".to_owned(),
-                |c| printed(c.success_rate, c.interval_95),
-            );
-            let _ = write!(table, " {measured}{said} |");
+            let measured = pooled(of_row().filter(|c| c.task == task));
+            let papers = paper_rate(paper, method, *demonstrations, task);
+            let _ = write!(table, " {} |", printed(measured, papers));
         }
-        let all = pooled(of_row()).map_or_else(
-            || "not measured".to_owned(),
-            |(rate, interval)| printed(rate, interval),
-        );
-        let said = papers(paper_rate_of_all(paper, method, *demonstrations));
-        let _ = writeln!(table, " {all}{said} |");
+        let papers = paper_rate_of_all(paper, method, *demonstrations);
+        let _ = writeln!(table, " {} |", printed(pooled(of_row()), papers));
     }
     table
 }
 
-/// The paper's rate, as it stands beside a measured one.
-fn papers(rate: Option<f64>) -> String {
-    rate.map_or_else(String::new, |rate| format!(" (paper {:.0})", 100.0 * rate))
-}
-
-fn printed(rate: f64, interval: [f64; 2]) -> String {
-    let [low, high] = interval.map(|share| 100.0 * share);
-    format!("**{:.0} %** {low:.0}-{high:.0}", 100.0 * rate)
+/// A rate with its interval, and the paper's beside it.
+fn printed(measured: Option<(f64, [f64; 2])>, papers: Option<f64>) -> String {
+    let mut text = measured.map_or_else(
+        || "not measured".to_owned(),
+        |(rate, interval)| {
+            let [low, high] = interval.map(|share| 100.0 * share);
+            format!("**{:.0} %** {low:.0}-{high:.0}", 100.0 * rate)
+        },
+    );
+    if let Some(rate) = papers {
+        let _ = write!(text, " (paper {:.0})", 100.0 * rate);
+    }
+    text
 }
 
 #[cfg(test)]

@@ -15,6 +15,12 @@ use crate::trajectory::{
 /// Steps from the first point to the second, or `None` when there is no way.
 pub(crate) type Distance = fn(&[f32], &[f32]) -> Option<u32>;
 
+/// One step a unit of the first value forwards, no way back.
+pub(crate) fn forward(a: &[f32], b: &[f32]) -> Option<u32> {
+    let ahead = (b[0] - a[0]).round();
+    (ahead >= 0.0).then_some(ahead as u32)
+}
+
 /// Knows the true distance; `certainty` is the probability that it gives to it.
 pub(crate) struct Oracle {
     pub(crate) d_max: usize,

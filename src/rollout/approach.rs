@@ -326,11 +326,10 @@ impl Approach {
     fn place(&self, number: usize) -> Option<Point3<f32>> {
         let landmark = &self.book.landmarks[number];
         let sightings = self.seen[number].sightings()?;
-        let of_gripper_m = landmark.height_spread_m;
         let spread_m = if landmark.closes {
-            self.keys.height_spread_m(of_gripper_m)
+            self.keys.height_spread_m(landmark.height_spread_m)
         } else {
-            of_gripper_m
+            landmark.height_spread_m
         };
         let place = place_of(&sightings, landmark.height_m, spread_m)?;
         Some(self.posture.in_base(&place))

@@ -2,7 +2,6 @@
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
-use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
@@ -10,12 +9,10 @@ use serde::Serialize;
 
 use super::*;
 use crate::environment::{Environment, EnvironmentError};
-use crate::graph::TopologicalGraph;
-use crate::graph::fakes::{Oracle, PixelEncoder, add_demonstration, task};
+use crate::graph::fakes::{Oracle, PixelEncoder, forward};
 use crate::model::{ActionDistribution, Encoder, Latents, LocalPolicy, ModelError, ModelSpec};
-use crate::planner::{FinalChoice, Planner, PlannerOptions};
+use crate::planner::fakes::corridor;
 use crate::rollout::{Controller, RolloutModel, RolloutOptions};
-use crate::task::Automaton;
 use crate::trajectory::{Action, ActionSpace, CameraSpec, Image, Observation, State};
 
 /// Sees a place of the corridor in the red of its only pixel.
@@ -57,41 +54,20 @@ impl LocalPolicy for Onward {
     }
 }
 
-fn ahead() -> Oracle {
-    Oracle::new(5, |a, b| {
-        let ahead = (b[0] - a[0]).round();
-        (ahead >= 0.0).then_some(ahead as u32)
-    })
-}
-
-/// A planner for a corridor in which three demonstrations reach subgoals at 8 and 16.
-fn corridor() -> Planner {
-    let walk = task("walk", &["first", "second"]);
-    let mut graph = TopologicalGraph::new(3, 5);
-    for aside in 0..3 {
-        let place = |x: u8| vec![f32::from(x), 0.1 * aside as f32, 0.0];
-        let places: Vec<Vec<f32>> = (0..17).map(place).collect();
-        add_demonstration(&mut graph, &walk, &aside.to_string(), &places, &[8, 16]);
-    }
-    Planner::new(
-        Arc::new(graph),
-        &Automaton::in_order(&[walk]),
-        &FinalChoice::Cheapest,
-        PlannerOptions::default(),
-    )
-    .expect("the corridor has a composition")
-}
-
 /// Calls `with` with a service over the corridor.
 fn with_policy(with: impl FnOnce(&PolicyService<'_>)) {
-    let (eye, oracle) = (Eye::new(), ahead());
+    let (eye, oracle) = (Eye::new(), Oracle::new(5, forward));
     let model = RolloutModel {
         encoder: &eye,
         traversability: &oracle,
         policy: &Onward,
         landmarks: None,
     };
-    let controller = Controller::new(model, corridor(), RolloutOptions::default());
+    let controller = Controller::new(
+        model,
+        corridor(&["first", "second"]),
+        RolloutOptions::default(),
+    );
     let label = PolicyLabel {
         name: "corridor".to_owned(),
         ..PolicyLabel::default()

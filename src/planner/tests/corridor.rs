@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::graph::fakes::{Oracle, add_demonstration, task};
+use crate::graph::fakes::{Oracle, add_demonstration, forward, task};
 use crate::graph::{
     CrossTaskCandidates, Edge, EdgeKind, MergeOptions, NodeId, TopologicalGraph, merge,
 };
@@ -13,12 +13,6 @@ use crate::task::{Automaton, Task};
 pub(super) const D_MAX: usize = 5;
 /// Task `a` reaches its subgoals at 8 and 19, `b` at 28 and 39; `a` ends where `b` begins.
 pub(super) const SUBGOALS_AT: [f32; 4] = [8.0, 19.0, 28.0, 39.0];
-
-/// One step a unit forwards, no way back.
-pub(super) fn forward(a: &[f32], b: &[f32]) -> Option<u32> {
-    let ahead = (b[0] - a[0]).round();
-    (ahead >= 0.0).then_some(ahead as u32)
-}
 
 pub(super) fn tasks() -> [Task; 2] {
     [

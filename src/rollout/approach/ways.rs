@@ -92,23 +92,23 @@ impl Approach {
         for (axis, off) in [(1, gripper.y - aside), (0, gripper.x - place.x)] {
             let (class, step) = self.keys.axes[axis][usize::from(off < 0.0)]?;
             if off.abs() > self.wide_m(landmark, axis).max(NEAR_STEPS * step) {
-                let short_m = if axis == 0 { -off } else { 0.0 };
-                return free(class).or_else(|| self.nearer(number, short_m, free));
+                let is_short = axis == 0 && off < 0.0;
+                return free(class).or_else(|| self.nearer(number, is_short, free));
             }
         }
         self.keys.open.filter(|_| aside == place.y).and_then(free)
     }
 
     /// What brings an arm that reaches no farther nearer to the place at which it is to open: down to the height at which
-    /// demonstrations open, since a high arm reaches less far, or else the base ahead, where the arm comes back by what is
-    /// too much.
+    /// demonstrations open, since a high arm reaches less far, or else, where it is short of a place ahead, the base; the arm
+    /// comes back by what is too much.
     fn nearer(
         &self,
         number: usize,
-        short_m: f32,
+        is_short: bool,
         free: impl Fn(usize) -> Option<usize>,
     ) -> Option<usize> {
-        let drive = self.keys.drives[1].filter(|_| short_m > 0.0);
+        let drive = self.keys.drives[1].filter(|_| is_short);
         let down = self.height_step(number, NEAR_STEPS).and_then(&free);
         down.or_else(|| drive.and_then(|(class, _)| free(class)))
     }

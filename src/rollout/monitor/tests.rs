@@ -1,14 +1,16 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::graph::TopologicalGraph;
-use crate::graph::fakes::{BrokenEncoder, Oracle, PixelEncoder, add_demonstration, task};
+use crate::graph::fakes::{BrokenEncoder, Oracle, PixelEncoder, forward};
 use crate::model::{
     ActionDistribution, GraspSense, Landmark, LandmarkBook, LocalPolicy, grasp_values,
 };
-use crate::planner::{FilterOptions, FinalChoice, PlannerOptions};
-use crate::task::Automaton;
+use crate::planner::FilterOptions;
+use crate::planner::fakes::corridor;
 use crate::trajectory::{Image, RobotGeometry};
+
+/// The corridor's subgoals.
+const THREE: [&str; 3] = ["first", "second", "third"];
 
 /// Somebody else drives.
 struct Nobody;
@@ -17,31 +19,6 @@ impl LocalPolicy for Nobody {
     fn act(&self, _: &[f32], _: &[f32]) -> Result<ActionDistribution, ModelError> {
         unreachable!("a monitor does not act")
     }
-}
-
-/// A planner for a corridor in which three demonstrations reach subgoals at 8, 16 and 24.
-fn corridor() -> Planner {
-    let walk = task("walk", &["first", "second", "third"]);
-    let mut graph = TopologicalGraph::new(3, 5);
-    for aside in 0..3 {
-        let place = |x: u8| vec![f32::from(x), 0.1 * aside as f32, 0.0];
-        let places: Vec<Vec<f32>> = (0..25).map(place).collect();
-        add_demonstration(&mut graph, &walk, &aside.to_string(), &places, &[8, 16, 24]);
-    }
-    Planner::new(
-        Arc::new(graph),
-        &Automaton::in_order(&[walk]),
-        &FinalChoice::Cheapest,
-        PlannerOptions::default(),
-    )
-    .expect("the corridor has a composition")
-}
-
-fn ahead(d_max: usize) -> Oracle {
-    Oracle::new(d_max, |a, b| {
-        let ahead = (b[0] - a[0]).round();
-        (ahead >= 0.0).then_some(ahead as u32)
-    })
 }
 
 fn seen_at(x: u8) -> Arc<Observation> {
@@ -55,8 +32,8 @@ fn told(positions: impl IntoIterator<Item = u8>) -> Vec<Event> {
 }
 
 fn told_with(options: &RolloutOptions, positions: impl IntoIterator<Item = u8>) -> Vec<Event> {
-    let planner = corridor();
-    let oracle = ahead(5);
+    let planner = corridor(&THREE);
+    let oracle = Oracle::new(5, forward);
     let model = RolloutModel {
         encoder: &PixelEncoder::new(5),
         traversability: &oracle,
@@ -80,11 +57,11 @@ fn told_with(options: &RolloutOptions, positions: impl IntoIterator<Item = u8>) 
 fn a_graph_of_another_d_max_is_refused_with_both() {
     let model = RolloutModel {
         encoder: &PixelEncoder::new(7),
-        traversability: &ahead(7),
+        traversability: &Oracle::new(7, forward),
         policy: &Nobody,
         landmarks: None,
     };
-    let refused = Monitor::new(model, &corridor(), &RolloutOptions::default()).err();
+    let refused = Monitor::new(model, &corridor(&THREE), &RolloutOptions::default()).err();
     let error = refused.expect("the graph has a d_max of 5").to_string();
     assert!(error.contains("d_max 5, expected 7"), "{error}");
 }
@@ -94,12 +71,12 @@ fn a_latent_that_is_no_number_is_an_error_at_its_step() {
     let encoder = BrokenEncoder::new(5, [2, 0]);
     let model = RolloutModel {
         encoder: &encoder,
-        traversability: &ahead(5),
+        traversability: &Oracle::new(5, forward),
         policy: &Nobody,
         landmarks: None,
     };
     let options = RolloutOptions::default();
-    let mut monitor = Monitor::new(model, &corridor(), &options).expect("the graph fits");
+    let mut monitor = Monitor::new(model, &corridor(&THREE), &options).expect("the graph fits");
     for x in 0..2 {
         monitor.look(seen_at(x)).expect("the encoder works here");
     }
@@ -168,7 +145,11 @@ fn book_of_corridor() -> LandmarkBook {
 
 #[test]
 fn what_is_seen_to_be_taken_is_as_sure_as_the_sight_of_it() {
-    let (planner, oracle, book) = (corridor(), ahead(5), book_of_corridor());
+    let (planner, oracle, book) = (
+        corridor(&THREE),
+        Oracle::new(5, forward),
+        book_of_corridor(),
+    );
     let model = RolloutModel {
         encoder: &PixelEncoder::new(5),
         traversability: &oracle,

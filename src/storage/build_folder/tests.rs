@@ -1,5 +1,5 @@
 use super::*;
-use crate::graph::fakes::{Oracle, add_demonstration, task};
+use crate::graph::fakes::{Oracle, add_demonstration, forward, task};
 use crate::graph::{BuildOptions, PairCandidates, ScoreError, score_pairs};
 use crate::storage::{load_graph, save_graph};
 use crate::task::Task;
@@ -7,10 +7,7 @@ use crate::task::Task;
 const D_MAX: usize = 5;
 
 fn oracle() -> Oracle {
-    Oracle::new(D_MAX, |a, b| {
-        let ahead = (b[0] - a[0]).round();
-        (ahead >= 0.0).then_some(ahead as u32)
-    })
+    Oracle::new(D_MAX, forward)
 }
 
 fn walk() -> Task {

@@ -129,11 +129,11 @@ fn bar(canvas: &mut Canvas, rate: &Rate, top: f32, left: f32, at: &dyn Fn(f64) -
         mark(canvas, x, middle);
     }
     let text = format!("{:.0} %", 100.0 * rate.rate);
-    let mut x = high + 8.0;
+    let end = high.max(at(rate.rate));
     // A mark just behind the bar would lie on its figure.
-    if published.is_some_and(|mark| (high..x + text_width(&text, LABEL_SIZE)).contains(&mark)) {
-        x = published.unwrap_or(high) + MARK + 4.0;
-    }
+    let room = end..end + 8.0 + text_width(&text, LABEL_SIZE);
+    let beside = published.filter(|mark| room.contains(mark));
+    let x = beside.map_or(end + 8.0, |mark| mark + MARK + 4.0);
     canvas.text(x, middle + 5.0, figure, &text);
 }
 
