@@ -6,6 +6,7 @@ mod figure6;
 mod method;
 mod plan;
 mod rates;
+mod side_by_side;
 mod table2;
 mod workshop;
 

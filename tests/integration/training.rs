@@ -170,10 +170,16 @@ fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
         first.contains("catena train") && first.contains("small version"),
         "{first}"
     );
-    let both = run(&["--methods", "siamese,only_wrist"]);
+    let both = run(&["--methods", "siamese,only_wrist", "--jobs", "2"]);
     assert!(
         both.contains("kept: ") && both.contains("--camera wrist"),
         "{both}"
+    );
+    let log = work.join("only_wrist_2_seed1_steps3/log.txt");
+    let log = fs::read_to_string(log).expect("what a job beside others prints");
+    assert!(
+        log.contains("states to train on") && !both.contains("states to train on"),
+        "{log}"
     );
     assert!(
         !both.contains("--variant siamese"),
@@ -188,21 +194,29 @@ fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
     let svg = fs::read_to_string(out.join("fig5.svg")).expect("a plot");
     assert!(svg.contains("wrist camera only") && !svg.contains("stacked frames"));
 
-    let few = catena(&[
-        "experiment",
-        "table1",
-        "--demonstrations",
-        "5",
-        "--demos",
-        path(&demos),
-        "--work",
-        path(&work),
-        "--out",
-        path(&out),
-    ]);
-    let said = text(&few.stderr);
+    let refused = |more: &[&str]| {
+        let words = [
+            "experiment",
+            "table1",
+            "--demos",
+            path(&demos),
+            "--work",
+            path(&work),
+            "--out",
+            path(&out),
+        ];
+        let output = catena(&[&words[..], more].concat());
+        assert!(!output.status.success());
+        text(&output.stderr)
+    };
+    let missing = at("none.onnx");
+    let beside = ["--demonstrations", "2", "--jobs", "2"];
+    let without_encoder = ["--methods", "mvp", "--frozen-encoder", path(&missing)];
+    let said = refused(&[&beside[..], &without_encoder].concat());
     assert!(
-        !few.status.success() && said.contains("has 2 recordings"),
-        "{said}"
+        said.contains("log.txt") && said.contains("none.onnx: No such file"),
+        "a job beside others says why it failed: {said}"
     );
+    let said = refused(&["--demonstrations", "5"]);
+    assert!(said.contains("has 2 recordings"), "{said}");
 }

@@ -1,3 +1,4 @@
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
@@ -64,6 +65,11 @@ pub struct PaperArguments {
     /// `results`, or in `out/quick` with `--quick`.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    /// How many trainings, each with its episodes, run beside each other and share the processors; each
+    /// needs 1 to 2 GB of memory. What they print goes to `log.txt` in their folders then. Table II, which
+    /// measures times, does one after the other.
+    #[arg(long, default_value = "1")]
+    pub jobs: NonZeroUsize,
     /// Make the table and the plot of the cells that are there, measure nothing.
     #[arg(long)]
     pub only_draw: bool,

@@ -24,13 +24,15 @@ pub(super) fn figure_5(paper: &PaperArguments, arguments: &Arguments) -> Result<
     let out = out(paper, NAME);
     let workshop = Workshop::open(paper, arguments)?;
     if !paper.only_draw {
-        for seed in size.training_seed..size.training_seed + size.seeds {
-            for method in &methods {
-                for demonstrations in &size.demonstrations {
-                    measure(&workshop, method, *demonstrations, &size, seed, &out)?;
-                }
-            }
-        }
+        let seeds = size.training_seed..size.training_seed + size.seeds;
+        let (methods, numbers) = (&methods, &size.demonstrations);
+        let curves = seeds.flat_map(|seed| {
+            let of_method = move |method| numbers.iter().map(move |number| (method, *number, seed));
+            methods.iter().flat_map(of_method)
+        });
+        workshop.side_by_side(curves, |(method, demonstrations, seed)| {
+            measure(&workshop, method, demonstrations, &size, seed, &out)
+        })?;
     }
     draw(&out, &size)
 }

@@ -1,7 +1,7 @@
 //! Figure 6: how sure a method is of what to do first.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -75,41 +75,56 @@ pub(super) fn figure_6(paper: &PaperArguments, arguments: &Arguments) -> Result<
         .first()
         .copied()
         .unwrap_or(DEMONSTRATIONS);
-    let mut cells = Vec::new();
-    for method in [BC, OURS] {
-        let file = out.join(format!("{}.json", method.name));
-        let words = size.training(&method, size.training_seed);
-        let digest = digest(&(
-            method.name,
-            demonstrations,
-            &words,
-            &workshop.recordings,
-            size.episodes,
-            size.seed,
-        ))?;
-        let found = kept::<CertaintyCell>(&file);
-        if let Some(cell) = found.filter(|c| c.digest == digest || paper.only_draw) {
-            println!("kept: {}", file.display());
-            cells.push(cell);
-            continue;
-        }
-        if paper.only_draw {
-            continue;
-        }
-        let seed = size.training_seed;
-        let trained = workshop.trained(&method, demonstrations, &size, seed, true)?;
-        let (names, first) = first_actions(&method, &trained, &size, arguments)?;
-        let mut cell = summed_up(&names, &first);
-        method.name.clone_into(&mut cell.method);
-        cell.demonstrations = demonstrations;
-        cell.seed = size.seed;
-        cell.digest = digest;
-        cell.commit.clone_from(&workshop.commit);
-        cell.is_quick = size.is_quick;
-        keep(&file, &cell)?;
-        cells.push(cell);
+    if !paper.only_draw {
+        workshop.side_by_side([BC, OURS], |method| {
+            measure(&workshop, &method, demonstrations, &size, &out, arguments)
+        })?;
     }
+    let cells: Vec<CertaintyCell> = [BC, OURS]
+        .iter()
+        .filter_map(|method| kept(&cell_file(&out, method)))
+        .collect();
     draw(&out, &cells)
+}
+
+fn cell_file(out: &Path, method: &Method) -> PathBuf {
+    out.join(format!("{}.json", method.name))
+}
+
+/// Measures a method that is not there yet, training it if need be.
+fn measure(
+    workshop: &Workshop<'_>,
+    method: &Method,
+    demonstrations: usize,
+    size: &Size,
+    out: &Path,
+    arguments: &Arguments,
+) -> Result<(), CliError> {
+    let file = cell_file(out, method);
+    let words = size.training(method, size.training_seed);
+    let digest = digest(&(
+        method.name,
+        demonstrations,
+        &words,
+        &workshop.recordings,
+        size.episodes,
+        size.seed,
+    ))?;
+    if kept::<CertaintyCell>(&file).is_some_and(|cell| cell.digest == digest) {
+        println!("kept: {}", file.display());
+        return Ok(());
+    }
+    let seed = size.training_seed;
+    let trained = workshop.trained(method, demonstrations, size, seed, true)?;
+    let (names, first) = first_actions(method, &trained, size, arguments)?;
+    let mut cell = summed_up(&names, &first);
+    method.name.clone_into(&mut cell.method);
+    cell.demonstrations = demonstrations;
+    cell.seed = size.seed;
+    cell.digest = digest;
+    cell.commit.clone_from(&workshop.commit);
+    cell.is_quick = size.is_quick;
+    keep(&file, &cell)
 }
 
 /// The distribution of the first action in each episode, and the names of the actions.

@@ -67,11 +67,13 @@ impl Table {
         let out = out(paper, self.name);
         let workshop = Workshop::open(paper, arguments)?;
         if !paper.only_draw {
-            for demonstrations in &size.demonstrations {
-                for method in methods.iter().filter(|m| workshop.can_train(m)) {
-                    measure(&workshop, method, *demonstrations, &size, &out)?;
-                }
-            }
+            let trainable = methods.iter().filter(|method| workshop.can_train(method));
+            let trainable: Vec<&Method> = trainable.collect();
+            let rows = (size.demonstrations.iter())
+                .flat_map(|demonstrations| trainable.iter().map(move |m| (*m, *demonstrations)));
+            workshop.side_by_side(rows, |(method, demonstrations)| {
+                measure(&workshop, method, demonstrations, &size, &out)
+            })?;
         }
         self.draw(&out, &size)
     }
@@ -170,7 +172,7 @@ fn measure(
         }
         let Some(trained) = &trained else { continue };
         let command = evaluation(method, trained, task, size);
-        let evaluation: Evaluation = workshop.json(&command, None)?;
+        let evaluation: Evaluation = workshop.json(trained, &command, None)?;
         let cell = RateCell {
             method: method.name.to_owned(),
             demonstrations,

@@ -56,7 +56,8 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
     size.baseline_steps = paper.baseline_steps.unwrap_or(STEPS);
     size.episodes = 1;
     let out = out(paper, NAME);
-    let workshop = Workshop::open(paper, arguments)?;
+    let mut workshop = Workshop::open(paper, arguments)?;
+    workshop.one_after_the_other();
     let methods = chosen(&TABLE_1, &paper.methods)?;
     let measured = if paper.only_draw {
         Vec::new()
@@ -86,7 +87,7 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
             let seed = size.training_seed;
             let trained = workshop.trained(&method, demonstrations, &size, seed, true)?;
             let command = evaluation(&method, &trained, TASK, &size);
-            let found: Evaluation = match workshop.json(&command, Some(engine)) {
+            let found: Evaluation = match workshop.json(&trained, &command, Some(engine)) {
                 Ok(found) => found,
                 Err(error) => {
                     println!("{described}: not measured: {error}");

@@ -1,12 +1,15 @@
 use std::ffi::OsString;
-use std::fs;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::Mutex;
+use std::thread;
 
 use serde::de::DeserializeOwned;
 
 use super::method::{MVP, Method};
 use super::plan::Size;
+use super::side_by_side::side_by_side;
 use crate::cli::arguments::{Arguments, EngineArgument, PaperArguments};
 use crate::cli::error::CliError;
 use crate::cli::kept::keep_text;
@@ -16,6 +19,10 @@ use crate::storage::{ReadOptions, Recordings};
 
 /// Seed with which demonstrations are recorded, those of README.md.
 const RECORDING_SEED: u64 = 1;
+/// How a command is told with how many threads it computes.
+const THREADS: &str = "RAYON_NUM_THREADS";
+/// Lines of a log that are shown of a command that failed.
+const LAST_LINES: usize = 12;
 /// Recordings of each task that are made; experiments take the first of them.
 const RECORDED: usize = 30;
 
@@ -27,6 +34,10 @@ pub(super) struct Workshop<'a> {
     arguments: &'a Arguments,
     work: PathBuf,
     executable: PathBuf,
+    /// How many jobs run beside each other.
+    at_once: usize,
+    /// Held by the job that records.
+    recording: Mutex<()>,
     /// What the recordings of each task are, for digests: how they are recorded, or the SHA-256 of those that
     /// were given. Empty where nothing is measured.
     pub(super) recordings: Vec<String>,
@@ -62,7 +73,23 @@ impl<'a> Workshop<'a> {
             arguments,
             work: std::path::absolute(&paper.work).map_err(io(&paper.work))?,
             executable,
+            at_once: paper.jobs.get(),
+            recording: Mutex::new(()),
         })
+    }
+
+    /// Does each job, as many beside each other as was asked for.
+    pub(super) fn side_by_side<J: Send>(
+        &self,
+        jobs: impl IntoIterator<Item = J, IntoIter: Send>,
+        work: impl Fn(J) -> Result<(), CliError> + Sync,
+    ) -> Result<(), CliError> {
+        side_by_side(jobs, self.at_once, work)
+    }
+
+    /// For work whose time counts.
+    pub(super) fn one_after_the_other(&mut self) {
+        self.at_once = 1;
     }
 
     /// Whether a method can be trained at all; says why not.
@@ -103,7 +130,7 @@ impl<'a> Workshop<'a> {
         self.train(method, &trained, &size.training(method, seed))?;
         if method.plans && with_graphs {
             for task in PAPER_TASKS {
-                self.run(&[
+                let command = [
                     "graph".into(),
                     "build".into(),
                     trained.root.join(format!("tasks/{task}.yaml")).into(),
@@ -111,7 +138,8 @@ impl<'a> Workshop<'a> {
                     trained.model.clone().into(),
                     "--root".into(),
                     trained.root.clone().into(),
-                ])?;
+                ];
+                self.run(&command, self.log_of(&trained.root))?;
             }
         }
         Ok(trained)
@@ -143,7 +171,7 @@ impl<'a> Workshop<'a> {
             trained.run.clone().into(),
         ]);
         command.extend(["--out".into(), trained.model.clone().into()]);
-        self.run(&command)?;
+        self.run(&command, self.log_of(&trained.root))?;
         keep_text(&note, told.as_bytes())
     }
 
@@ -171,9 +199,10 @@ impl<'a> Workshop<'a> {
         let folder = given
             .clone()
             .unwrap_or_else(|| self.work.join("demos").join(task));
+        let _one_records = self.recording.lock().expect("no one panics with it");
         if given.is_none() && files_of(&folder).len() < wanted {
             let count = wanted.max(if self.paper.quick { 0 } else { RECORDED });
-            self.run(&[
+            let command = [
                 "record".into(),
                 task.into(),
                 "--demos".into(),
@@ -183,7 +212,8 @@ impl<'a> Workshop<'a> {
                 "--vary".into(),
                 "--out".into(),
                 folder.clone().into(),
-            ])?;
+            ];
+            self.run(&command, None)?;
         }
         let files = files_of(&folder);
         if files.len() < wanted {
@@ -197,23 +227,34 @@ impl<'a> Workshop<'a> {
         Ok(files)
     }
 
-    /// Runs a command of this program; what it prints is shown.
-    fn run(&self, words: &[OsString]) -> Result<(), CliError> {
+    /// Where commands of a folder print to; `None` for the terminal, which belongs to a single job.
+    fn log_of(&self, root: &Path) -> Option<PathBuf> {
+        (self.at_once > 1).then(|| root.join("log.txt"))
+    }
+
+    /// Runs a command of this program; what it prints is shown or goes to a log.
+    fn run(&self, words: &[OsString], log: Option<PathBuf>) -> Result<(), CliError> {
         println!("$ {}", shown(words));
-        let status = self.command(words).status().map_err(io(&self.executable))?;
+        let mut command = self.command(words);
+        if let Some(log) = &log {
+            command.stdout(end_of(log)?).stderr(end_of(log)?);
+            self.share_processors(&mut command);
+        }
+        let status = command.status().map_err(io(&self.executable))?;
         if status.success() {
             return Ok(());
         }
         Err(CliError::ExperimentStep {
             command: shown(words),
             status: status.to_string(),
-            said: String::new(),
+            said: log.map_or_else(String::new, |log| last_words(&log)),
         })
     }
 
-    /// Runs a command of this program and reads the JSON that it prints; its progress is shown.
+    /// Runs a command on what was trained and reads the JSON that it prints; its progress is shown or goes to a log.
     pub(super) fn json<T: DeserializeOwned>(
         &self,
+        trained: &Trained,
         words: &[OsString],
         engine: Option<&str>,
     ) -> Result<T, CliError> {
@@ -222,20 +263,33 @@ impl<'a> Workshop<'a> {
         if let Some(engine) = engine {
             command.args(["--engine", engine]);
         }
-        let output = command
-            .stderr(Stdio::inherit())
-            .output()
-            .map_err(io(&self.executable))?;
+        let log = self.log_of(&trained.root);
+        if let Some(log) = &log {
+            command.stderr(end_of(log)?);
+            self.share_processors(&mut command);
+        } else {
+            command.stderr(Stdio::inherit());
+        }
+        let output = command.output().map_err(io(&self.executable))?;
         let failed = |said: String| CliError::ExperimentStep {
             command: shown(words),
             status: output.status.to_string(),
             said,
         };
         if !output.status.success() {
-            return Err(failed(String::new()));
+            return Err(failed(log.map_or_else(String::new, |log| last_words(&log))));
         }
         serde_json::from_slice(&output.stdout)
             .map_err(|e| failed(format!("\nit printed no JSON of the kind: {e}")))
+    }
+
+    /// Lets a command that runs beside others compute with its share of the processors only: threads that wait for
+    /// one another cost more than they bring. Results do not depend on it.
+    fn share_processors(&self, command: &mut Command) {
+        if std::env::var_os(THREADS).is_none() {
+            let processors = thread::available_parallelism().map_or(1, usize::from);
+            command.env(THREADS, (processors / self.at_once).max(1).to_string());
+        }
     }
 
     fn command(&self, words: &[OsString]) -> Command {
@@ -306,6 +360,20 @@ fn copied(from: &Path, to: &Path) -> Result<(), CliError> {
         return Ok(());
     }
     fs::copy(from, to).map(|_| ()).map_err(io(from))
+}
+
+/// A log, opened to be written on.
+fn end_of(log: &Path) -> Result<File, CliError> {
+    let file = File::options().create(true).append(true).open(log);
+    file.map_err(io(log))
+}
+
+/// The last lines of a log, after a line break.
+fn last_words(log: &Path) -> String {
+    let text = fs::read_to_string(log).unwrap_or_default();
+    let lines: Vec<&str> = text.lines().collect();
+    let last = lines[lines.len().saturating_sub(LAST_LINES)..].join("\n");
+    format!("\nthe end of {}:\n{last}", log.display())
 }
 
 fn io(path: &Path) -> impl FnOnce(std::io::Error) -> CliError {
