@@ -6,38 +6,30 @@ use crate::cli::error::CliError;
 /// Does the work of each job, so many at a time, in their order.
 ///
 /// # Errors
-/// The first one that a job ends with. Jobs that run then are waited for, no further one is begun.
+/// That of a job. Jobs that run then are waited for, no further one is begun.
 pub(super) fn side_by_side<J: Send>(
     jobs: impl IntoIterator<Item = J, IntoIter: Send>,
     at_once: usize,
     work: impl Fn(J) -> Result<(), CliError> + Sync,
 ) -> Result<(), CliError> {
-    let jobs = Mutex::new(jobs.into_iter().fuse());
-    let error = Mutex::new(None);
-    let next = || {
-        let failed = error.lock().expect("no one panics with it");
-        failed
-            .is_none()
-            .then(|| jobs.lock().expect("no one panics with it").next())?
+    // None once a job failed.
+    let left = Mutex::new(Some(jobs.into_iter().fuse()));
+    let left = || left.lock().expect("no one panics with it");
+    // Not within the loop's condition, which would hold the lock while a job works.
+    let next = || left().as_mut()?.next();
+    let work_on = || -> Result<(), CliError> {
+        while let Some(job) = next() {
+            work(job).inspect_err(|_| *left() = None)?;
+        }
+        Ok(())
     };
     thread::scope(|scope| {
-        for _ in 0..at_once.max(1) {
-            scope.spawn(|| {
-                while let Some(job) = next() {
-                    if let Err(found) = work(job) {
-                        error
-                            .lock()
-                            .expect("no one panics with it")
-                            .get_or_insert(found);
-                    }
-                }
-            });
-        }
-    });
-    error
-        .into_inner()
-        .expect("no one panicked with it")
-        .map_or(Ok(()), Err)
+        let workers: Vec<_> = (0..at_once).map(|_| scope.spawn(work_on)).collect();
+        let mut results = workers
+            .into_iter()
+            .map(|w| w.join().expect("no job panics"));
+        results.try_for_each(|result| result)
+    })
 }
 
 #[cfg(test)]

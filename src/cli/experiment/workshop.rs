@@ -139,7 +139,7 @@ impl<'a> Workshop<'a> {
                     "--root".into(),
                     trained.root.clone().into(),
                 ];
-                self.run(&command, self.log_of(&trained.root))?;
+                self.run(&command, Some(&trained))?;
             }
         }
         Ok(trained)
@@ -171,7 +171,7 @@ impl<'a> Workshop<'a> {
             trained.run.clone().into(),
         ]);
         command.extend(["--out".into(), trained.model.clone().into()]);
-        self.run(&command, self.log_of(&trained.root))?;
+        self.run(&command, Some(trained))?;
         keep_text(&note, told.as_bytes())
     }
 
@@ -227,18 +227,13 @@ impl<'a> Workshop<'a> {
         Ok(files)
     }
 
-    /// Where commands of a folder print to; `None` for the terminal, which belongs to a single job.
-    fn log_of(&self, root: &Path) -> Option<PathBuf> {
-        (self.at_once > 1).then(|| root.join("log.txt"))
-    }
-
-    /// Runs a command of this program; what it prints is shown or goes to a log.
-    fn run(&self, words: &[OsString], log: Option<PathBuf>) -> Result<(), CliError> {
-        println!("$ {}", shown(words));
-        let mut command = self.command(words);
+    /// Runs a command of this program that makes a part of what is trained, or what all share; what it prints is shown
+    /// or goes to a log.
+    fn run(&self, words: &[OsString], part_of: Option<&Trained>) -> Result<(), CliError> {
+        let log = part_of.and_then(|trained| self.log_of(trained));
+        let mut command = self.command(words, log.as_deref())?;
         if let Some(log) = &log {
-            command.stdout(end_of(log)?).stderr(end_of(log)?);
-            self.share_processors(&mut command);
+            command.stdout(end_of(log)?);
         }
         let status = command.status().map_err(io(&self.executable))?;
         if status.success() {
@@ -247,7 +242,7 @@ impl<'a> Workshop<'a> {
         Err(CliError::ExperimentStep {
             command: shown(words),
             status: status.to_string(),
-            said: log.map_or_else(String::new, |log| last_words(&log)),
+            said: last_words(log.as_deref()),
         })
     }
 
@@ -258,17 +253,10 @@ impl<'a> Workshop<'a> {
         words: &[OsString],
         engine: Option<&str>,
     ) -> Result<T, CliError> {
-        println!("$ {}", shown(words));
-        let mut command = self.command(words);
+        let log = self.log_of(trained);
+        let mut command = self.command(words, log.as_deref())?;
         if let Some(engine) = engine {
             command.args(["--engine", engine]);
-        }
-        let log = self.log_of(&trained.root);
-        if let Some(log) = &log {
-            command.stderr(end_of(log)?);
-            self.share_processors(&mut command);
-        } else {
-            command.stderr(Stdio::inherit());
         }
         let output = command.output().map_err(io(&self.executable))?;
         let failed = |said: String| CliError::ExperimentStep {
@@ -277,22 +265,22 @@ impl<'a> Workshop<'a> {
             said,
         };
         if !output.status.success() {
-            return Err(failed(log.map_or_else(String::new, |log| last_words(&log))));
+            return Err(failed(last_words(log.as_deref())));
         }
         serde_json::from_slice(&output.stdout)
             .map_err(|e| failed(format!("\nit printed no JSON of the kind: {e}")))
     }
 
-    /// Lets a command that runs beside others compute with its share of the processors only: threads that wait for
-    /// one another cost more than they bring. Results do not depend on it.
-    fn share_processors(&self, command: &mut Command) {
-        if std::env::var_os(THREADS).is_none() {
-            let processors = thread::available_parallelism().map_or(1, usize::from);
-            command.env(THREADS, (processors / self.at_once).max(1).to_string());
-        }
+    /// Where commands on what is trained print to; `None` for the terminal, which belongs to a single job.
+    fn log_of(&self, trained: &Trained) -> Option<PathBuf> {
+        (self.at_once > 1).then(|| trained.root.join("log.txt"))
     }
 
-    fn command(&self, words: &[OsString]) -> Command {
+    /// A command of this program, which is shown. Its progress is, too, or goes to a log where it runs beside others;
+    /// there it computes with its share of the processors only, since threads that wait for one another cost more than
+    /// they bring. Results do not depend on it.
+    fn command(&self, words: &[OsString], log: Option<&Path>) -> Result<Command, CliError> {
+        println!("$ {}", shown(words));
         let mut command = Command::new(&self.executable);
         command.args(words);
         match self.arguments.engine {
@@ -304,7 +292,16 @@ impl<'a> Workshop<'a> {
                 command.args(["--engine", "embedded"]);
             }
         }
-        command
+        let Some(log) = log else {
+            command.stderr(Stdio::inherit());
+            return Ok(command);
+        };
+        command.stderr(end_of(log)?);
+        if std::env::var_os(THREADS).is_none() {
+            let processors = thread::available_parallelism().map_or(1, usize::from);
+            command.env(THREADS, (processors / self.at_once).max(1).to_string());
+        }
+        Ok(command)
     }
 }
 
@@ -368,8 +365,11 @@ fn end_of(log: &Path) -> Result<File, CliError> {
     file.map_err(io(log))
 }
 
-/// The last lines of a log, after a line break.
-fn last_words(log: &Path) -> String {
+/// The last lines of a log, after a line break; nothing where it was all shown.
+fn last_words(log: Option<&Path>) -> String {
+    let Some(log) = log else {
+        return String::new();
+    };
     let text = fs::read_to_string(log).unwrap_or_default();
     let lines: Vec<&str> = text.lines().collect();
     let last = lines[lines.len().saturating_sub(LAST_LINES)..].join("\n");
