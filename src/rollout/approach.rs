@@ -1,4 +1,5 @@
 mod demonstrated;
+mod doubts;
 mod keys;
 mod misses;
 mod seen;
@@ -36,6 +37,8 @@ pub(super) struct Approach {
     led_steps: usize,
     /// Closings of this stage to which it was led.
     closings: usize,
+    /// Times of this stage that a place was looked at again before the gripper opened over it.
+    looks: usize,
     /// Steps since the gripper closed.
     closed_steps: u32,
     /// Looks in a row, since the gripper closed, that showed it empty.
@@ -46,7 +49,7 @@ pub(super) struct Approach {
     misses: usize,
     /// The landmark at which the gripper is about to close.
     closing: Option<usize>,
-    /// What is still to be done of what follows a closing, the next last.
+    /// What is still to be done of what follows a closing or a place in doubt, the next last.
     departure: Vec<usize>,
 }
 
@@ -74,6 +77,8 @@ const HELD_STEPS: u32 = 12;
 const LED_FROM_M: f32 = 0.3;
 /// Steps after a closing in which it is hoped that something is held.
 const HOPE_STEPS: u32 = 10;
+/// Farthest from its place that the gripper is opened where demonstrations aim with the arm, in metres.
+const AIMED_FROM_M: f32 = 0.12;
 /// Farthest from its place that the gripper is closed, in metres.
 const CLOSE_FROM_M: f32 = 0.07;
 /// Most closings of a stage to which the robot is led.
@@ -98,6 +103,7 @@ impl Approach {
             seen: vec![Seen::default(); book.landmarks.len()],
             led_steps: 0,
             closings: 0,
+            looks: 0,
             closed_steps: 0,
             empty_looks: 0,
             is_lifting: false,
@@ -120,6 +126,7 @@ impl Approach {
     /// A new stage.
     pub(super) fn enter(&mut self) {
         (self.led_steps, self.closings, self.misses) = (0, 0, 0);
+        self.looks = 0;
     }
 
     /// An action was carried out, and something moved.
@@ -147,36 +154,44 @@ impl Approach {
         self.closed_steps += 1;
         let lens_of = |camera| self.book.robot.lens(&self.posture, camera);
         let lenses: Vec<Option<Lens>> = self.cameras.iter().map(lens_of).collect();
-        let all = 0..self.seen.len();
-        let hidden: Vec<bool> = all.clone().map(|n| self.is_hidden(n)).collect();
-        let aimed: Vec<bool> = all.map(|n| self.is_aimed_at(n)).collect();
-        for (landmark, seen) in self.seen.iter_mut().enumerate() {
-            if hidden[landmark] {
+        for landmark in 0..self.seen.len() {
+            if self.is_hidden(landmark) {
                 continue;
             }
+            let sightings = self.sightings(landmark, latent, &lenses);
             let remembered = if self.book.landmarks[landmark].closes {
                 REMEMBERED
             } else {
                 OPENING_REMEMBERED
             };
-            let sightings = lenses.iter().enumerate().filter_map(|(camera, lens)| {
-                let sight = self.book.sight(latent, camera, landmark);
-                let is_seen = sight.peak >= LEAST_PEAK;
-                let sureness = (sight.peak / FULL_PEAK).min(1.0);
-                let weight = if aimed[landmark] {
-                    (sight.peak / AIMED_FULL_PEAK).min(1.0).powi(2)
-                } else {
-                    sureness
-                };
-                lens.filter(|_| is_seen).map(|lens| Sighting {
-                    lens,
-                    pixel: sight.pixel,
-                    weight,
-                    sureness,
-                })
-            });
-            seen.add(sightings.collect(), remembered);
+            self.seen[landmark].add(sightings, remembered);
         }
+    }
+
+    /// What the cameras show of a landmark now.
+    fn sightings(&self, landmark: usize, latent: &[f32], lenses: &[Option<Lens>]) -> Vec<Sighting> {
+        let is_aimed = self.is_aimed_at(landmark);
+        let sighting = |(camera, lens): (usize, &Option<Lens>)| {
+            let lens = (*lens)?;
+            let sight = self.book.sight(latent, camera, landmark);
+            let sureness = (sight.peak / FULL_PEAK).min(1.0);
+            let weight = if is_aimed {
+                (sight.peak / AIMED_FULL_PEAK).min(1.0).powi(2)
+            } else {
+                sureness
+            };
+            (sight.peak >= LEAST_PEAK).then_some(Sighting {
+                lens,
+                pixel: sight.pixel,
+                weight,
+                sureness,
+            })
+        };
+        let may_be_the_arm = self.is_closed && self.lays_down_at(landmark);
+        let is_believed =
+            |sighting: &Sighting| !may_be_the_arm || !self.is_too_near(landmark, sighting);
+        let all = lenses.iter().enumerate().filter_map(sighting);
+        all.filter(is_believed).collect()
     }
 
     /// What follows a closing in demonstrations: whether it held is seen once the gripper is away from there.
@@ -257,10 +272,11 @@ impl Approach {
         }
         let place = self.sure_place(number)?;
         let class = if landmark.closes {
-            self.towards(number, &place, is_blocked)
+            self.towards(number, &place, &is_blocked)
         } else {
-            self.over(number, &place, is_blocked)
+            self.over(number, &place, &is_blocked)
         }?;
+        let class = self.look_again(class, number, is_blocked).unwrap_or(class);
         self.led_steps += 1;
         self.closings += usize::from(Some(class) == self.keys.close);
         Some(class)
@@ -292,14 +308,19 @@ impl Approach {
             let from = Point3::from(self.posture.gripper_m()) - self.sure_place(number)?;
             return self.keys.close.filter(|_| from.norm() > CLOSE_FROM_M);
         }
+        let farthest_m = if self.lays_down_at(number) {
+            AIMED_FROM_M
+        } else {
+            LED_FROM_M
+        };
         let is_far = self
             .place(number)
-            .is_some_and(|place| self.beside_m(&place) > LED_FROM_M);
+            .is_some_and(|place| self.beside_m(&place) > farthest_m);
         self.keys.open.filter(|_| is_far || steps > HELD_STEPS)
     }
 
     /// What is done instead where the policy would open the gripper beside the place of the opening that follows a
-    /// goal state. `is_blocked` says whether a class had no effect here.
+    /// goal state, or where that place is in doubt. `is_blocked` says whether a class had no effect here.
     pub(super) fn instead_of(
         &mut self,
         class: usize,
@@ -311,15 +332,21 @@ impl Approach {
         if !opens || self.led_steps >= MOST_LED_STEPS {
             return None;
         }
-        let class = self.over(number, &self.sure_place(number)?, is_blocked)?;
+        let place = self.sure_place(number);
+        let led = place.and_then(|place| self.over(number, &place, &is_blocked));
+        let again = self.look_again(led.unwrap_or(class), number, is_blocked);
+        let class = again.or(led)?;
         self.led_steps += 1;
         Some(class)
     }
 
     /// Where a landmark is that the encoder sees well enough to go there.
     fn sure_place(&self, number: usize) -> Option<Point3<f32>> {
-        let is_seen = self.book.landmarks[number].error_pixels <= LARGEST_ERROR_PIXELS;
-        self.place(number).filter(|_| is_seen)
+        self.place(number).filter(|_| self.is_seen_well(number))
+    }
+
+    fn is_seen_well(&self, number: usize) -> bool {
+        self.book.landmarks[number].error_pixels <= LARGEST_ERROR_PIXELS
     }
 
     /// Where a landmark is, in the base's frame.
@@ -340,8 +367,8 @@ impl Approach {
         if self.book.landmarks[number].closes || !self.is_closed {
             return false;
         }
-        self.place(number)
-            .is_some_and(|place| self.beside_m(&place) < HIDDEN_M)
+        let place = self.place(number).filter(|_| self.may_hide(number));
+        place.is_some_and(|place| self.beside_m(&place) < HIDDEN_M)
     }
 
     /// How far the gripper is from a place, over the floor.

@@ -24,7 +24,7 @@ const ROUNDS: usize = 8;
 /// Farthest that one round moves the place, in metres.
 const STEP_M: f32 = 0.2;
 /// Least standard deviation of a height, in metres.
-const LEAST_SPREAD_M: f32 = 0.005;
+pub(super) const LEAST_SPREAD_M: f32 = 0.005;
 
 /// The place that several pictures show, by weighted least squares over pixels, with what is known of its height.
 /// None where no ray meets that height.

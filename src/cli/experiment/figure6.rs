@@ -31,18 +31,44 @@ const DEMONSTRATIONS: usize = 20;
 /// Actions that are listed.
 const LISTED: usize = 3;
 
+/// What is measured of a method.
+#[derive(Clone, Copy, Debug)]
+struct Line {
+    name: &'static str,
+    described: &'static str,
+    method: Method,
+    /// How many goal states the policy is averaged over at most, where that is not as in all runs.
+    hypotheses: Option<usize>,
+}
+
+const LINES: [Line; 3] = [
+    Line {
+        name: BC.name,
+        described: BC.described,
+        method: BC,
+        hypotheses: None,
+    },
+    Line {
+        name: OURS.name,
+        described: "ours",
+        method: OURS,
+        hypotheses: None,
+    },
+    Line {
+        name: "ours_one_goal",
+        described: "ours, one goal state",
+        method: OURS,
+        hypotheses: Some(1),
+    },
+];
+
 /// What the paper's robot would do first, with what probability (Fu & Finn, Figure 6).
 const PAPER: [(&str, &str, f64); 3] = [
     (BC.name, "base_forward", 0.68),
     (BC.name, "base_turn_left", 0.31),
-    (OURS.name, "base_forward", 0.99),
+    // One goal state at a time is what the paper's robot has.
+    ("ours_one_goal", "base_forward", 0.99),
 ];
-
-/// The probability that an action had on the paper's robot.
-fn paper_probability(method: &str, action: &str) -> Option<f64> {
-    let of = |(by, what, _): &&(&str, &str, f64)| *by == method && *what == action;
-    PAPER.iter().find(of).map(|(_, _, p)| *p)
-}
 
 /// What a method would do first in some episodes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -77,33 +103,33 @@ pub(super) fn figure_6(paper: &PaperArguments, arguments: &Arguments) -> Result<
         .unwrap_or(DEMONSTRATIONS);
     if !paper.only_draw {
         workshop.side_by_side([BC, OURS], |method| {
-            measure(&workshop, &method, demonstrations, &size, &out, arguments)
+            let mut lines = LINES.iter().filter(|line| line.method == method);
+            lines.try_for_each(|line| {
+                measure(&workshop, line, demonstrations, &size, &out, arguments)
+            })
         })?;
     }
-    let cells: Vec<CertaintyCell> = [BC, OURS]
-        .iter()
-        .filter_map(|method| kept(&cell_file(&out, method)))
-        .collect();
-    draw(&out, &cells)
+    draw(&out)
 }
 
-fn cell_file(out: &Path, method: &Method) -> PathBuf {
-    out.join(format!("{}.json", method.name))
+fn cell_file(out: &Path, line: &Line) -> PathBuf {
+    out.join(format!("{}.json", line.name))
 }
 
-/// Measures a method that is not there yet, training it if need be.
+/// Measures a line that is not there yet, training its method if need be.
 fn measure(
     workshop: &Workshop<'_>,
-    method: &Method,
+    line: &Line,
     demonstrations: usize,
     size: &Size,
     out: &Path,
     arguments: &Arguments,
 ) -> Result<(), CliError> {
-    let file = cell_file(out, method);
+    let file = cell_file(out, line);
+    let method = &line.method;
     let words = size.training(method, size.training_seed);
     let digest = digest(&(
-        method.name,
+        line.name,
         demonstrations,
         &words,
         &workshop.recordings,
@@ -116,9 +142,9 @@ fn measure(
     }
     let seed = size.training_seed;
     let trained = workshop.trained(method, demonstrations, size, seed, true)?;
-    let (names, first) = first_actions(method, &trained, size, arguments)?;
+    let (names, first) = first_actions(line, &trained, size, arguments)?;
     let mut cell = summed_up(&names, &first);
-    method.name.clone_into(&mut cell.method);
+    line.name.clone_into(&mut cell.method);
     cell.demonstrations = demonstrations;
     cell.seed = size.seed;
     cell.digest = digest;
@@ -129,7 +155,7 @@ fn measure(
 
 /// The distribution of the first action in each episode, and the names of the actions.
 fn first_actions(
-    method: &Method,
+    line: &Line,
     trained: &Trained,
     size: &Size,
     arguments: &Arguments,
@@ -138,7 +164,7 @@ fn first_actions(
     let mut room = Bedroom::new(bedroom(&composition)?);
     let mut first = Vec::new();
     let seeds = (size.seed..).take(size.episodes);
-    if !method.plans {
+    if !line.method.plans {
         let policy = Baseline::load(&trained.model, arguments.engine.into())?;
         let goal = goal_state(&composition.tasks[0], policy.spec())?;
         let options = RolloutOptions {
@@ -153,11 +179,9 @@ fn first_actions(
     }
     let loaded = Loaded::of(composition, arguments)?;
     let planner = loaded.planner(loaded.composition.planner.clone())?;
-    let mut controller = Controller::new(
-        loaded.rollout_model(),
-        planner,
-        loaded.rollout_options(None),
-    )?;
+    let mut options = loaded.rollout_options(None);
+    options.hypotheses = line.hypotheses.unwrap_or(options.hypotheses);
+    let mut controller = Controller::new(loaded.rollout_model(), planner, options)?;
     for seed in seeds {
         controller.reset(seed);
         let seen = room.reset(seed)?;
@@ -223,48 +247,42 @@ fn summed_up(names: &[String], first: &[ActionDistribution]) -> CertaintyCell {
     }
 }
 
-fn draw(out: &Path, cells: &[CertaintyCell]) -> Result<(), CliError> {
+fn draw(out: &Path) -> Result<(), CliError> {
+    let of_line = |line: &'static Line| kept(&cell_file(out, line)).map(|cell| (line, cell));
+    let cells: Vec<(&Line, CertaintyCell)> = LINES.iter().filter_map(of_line).collect();
     let mut table = String::new();
-    if cells.iter().any(|cell| cell.is_quick) {
+    if cells.iter().any(|(_, cell)| cell.is_quick) {
         let _ = writeln!(table, "{QUICK_NOTE}\n");
     }
     table.push_str(
-        "| | entropy of the first action, nats | most probable actions |\n|---|---|---|\n",
+        "| | entropy of the first action, nats | most probable actions | paper |\n|---|---|---|---|\n",
     );
     let mut rates = Vec::new();
-    for cell in cells {
+    for (line, cell) in &cells {
+        let described = line.described;
         let listed: Vec<String> = (cell.actions.iter().take(LISTED))
             .map(|(name, p)| format!("`{name}` {p:.2}"))
             .collect();
-        let _ = writeln!(
-            table,
-            "| {}, {} demonstrations | **{:.2}** | {} |",
-            cell.method,
-            cell.demonstrations,
-            cell.entropy,
-            listed.join(", ")
-        );
-        for ((name, p), deviation) in cell.actions.iter().zip(&cell.deviations).take(LISTED) {
-            rates.push(Rate {
-                label: format!("{}: {name}", cell.method),
-                rate: *p,
-                interval: [(p - deviation).max(0.0), (p + deviation).min(1.0)],
-                stands_out: cell.method == OURS.name,
-                published: paper_probability(&cell.method, name),
-            });
-        }
-    }
-    for method in [BC, OURS] {
-        let of_method = PAPER.iter().filter(|(name, ..)| *name == method.name);
-        let listed: Vec<String> = of_method
+        let published: Vec<String> = (PAPER.iter().filter(|(name, ..)| *name == line.name))
             .map(|(_, action, p)| format!("`{action}` {p:.2}"))
             .collect();
         let _ = writeln!(
             table,
-            "| the paper's robot, {} | | {} |",
-            method.name,
-            listed.join(", ")
+            "| {described}, {} demonstrations | **{:.2}** | {} | {} |",
+            cell.demonstrations,
+            cell.entropy,
+            listed.join(", "),
+            published.join(", ")
         );
+        for ((name, p), deviation) in cell.actions.iter().zip(&cell.deviations).take(LISTED) {
+            rates.push(Rate {
+                label: format!("{described}: {name}"),
+                rate: *p,
+                interval: [(p - deviation).max(0.0), (p + deviation).min(1.0)],
+                stands_out: line.method == OURS,
+                published: None,
+            });
+        }
     }
     keep_text(&out.join("table.md"), table.as_bytes())?;
     write_rates_svg(

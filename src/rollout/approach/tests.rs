@@ -1,3 +1,5 @@
+mod doubts;
+
 use std::collections::BTreeMap;
 
 use super::*;
@@ -139,7 +141,7 @@ fn what_stops_the_gripper_right_before_its_thing_is_that_thing() {
 #[test]
 fn the_gripper_is_brought_over_a_place_first_to_the_side_and_then_opens() {
     let mut approach = approach(Landmark::example(false, [1.0, 0.0, 0.0]));
-    let place = Point3::new(0.45, 0.08, 0.3);
+    let place = Point3::new(0.51, 0.12, 0.3);
     assert!(
         led(&mut approach, &place, &[]).is_empty(),
         "nothing is held"
@@ -147,8 +149,8 @@ fn the_gripper_is_brought_over_a_place_first_to_the_side_and_then_opens() {
     approach.note(class("gripper_close"));
     let done = led(&mut approach, &place, &[]);
     let expected = [
-        &["end_effector_left"; 3][..],
-        &["end_effector_forward"; 3],
+        &["end_effector_left"; 4][..],
+        &["end_effector_forward"; 5],
         &["gripper_open"],
     ];
     assert_eq!(done, expected.concat());
@@ -158,14 +160,15 @@ fn the_gripper_is_brought_over_a_place_first_to_the_side_and_then_opens() {
 fn the_base_is_driven_to_where_the_gripper_reaches_over_a_place() {
     for (ahead, drive) in [
         ([0.35, 0.45], "base_forward"),
-        ([0.7, 0.8], "base_backward"),
+        ([0.65, 0.75], "base_backward"),
     ] {
         let mut approach = approach(Landmark {
             reach_m: [ahead, [-0.1, 0.1]],
             ..Landmark::example(false, [1.0, 0.0, 0.0])
         });
         approach.note(class("gripper_close"));
-        approach.look(&latent(&approach, &Point3::new(0.57, 0.0, 0.3)));
+        approach.look(&latent(&approach, &Point3::new(0.67, 0.0, 0.3)));
+        approach.note(class("base_forward"));
         let next = approach.next(&goal(8), |_| false);
         assert_eq!(next.map(|class| NAMES[class]), Some(drive));
     }
@@ -218,11 +221,6 @@ fn what_is_held_is_not_let_go_beside_its_place_nor_long_before() {
     approach.note(class("gripper_close"));
     assert_eq!(approach.too_early(&far), Some(open));
     assert_eq!(approach.too_early(&goal(8)), None);
-    assert_eq!(
-        approach.instead_of(open, &goal(1), |_| false),
-        None,
-        "nothing is seen"
-    );
     approach.look(&latent(&approach, &Point3::new(0.45, 0.08, 0.3)));
     let instead = approach.instead_of(open, &goal(1), |_| false);
     assert_eq!(instead, Some(class("end_effector_left")));

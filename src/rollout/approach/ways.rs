@@ -5,7 +5,7 @@ use crate::model::Landmark;
 use crate::trajectory::Posture;
 
 /// How much farther out than in any demonstration a place may be reached for, in metres.
-const REACH_M: f32 = 0.06;
+pub(super) const REACH_M: f32 = 0.06;
 /// How much farther to the side a place may be at which the gripper is to open, in metres.
 const BESIDE_M: f32 = 0.15;
 /// Farthest that the base is driven up to a place out of reach, in metres.
@@ -80,7 +80,9 @@ impl Approach {
         if !reach.contains(&place.x) {
             let (class, drive_m) = self.keys.drives[usize::from(place.x > most)]?;
             let driven = place.x - drive_m * (place.x - most).signum();
-            return free(class).filter(|_| reach.contains(&driven));
+            // A robot that looked again stands farther off than one that comes along the way.
+            let is_on_the_way = self.lays_down_at(number) && place.x > most;
+            return free(class).filter(|_| is_on_the_way || reach.contains(&driven));
         }
         let [least, most] = landmark.reach_m[1];
         let aside = place.y.clamp(least - BESIDE_M, most + BESIDE_M);
