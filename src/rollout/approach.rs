@@ -125,8 +125,8 @@ impl Approach {
 
     /// A new stage.
     pub(super) fn enter(&mut self) {
-        (self.led_steps, self.closings, self.misses) = (0, 0, 0);
-        self.looks = 0;
+        (self.led_steps, self.closings) = (0, 0);
+        (self.looks, self.misses) = (0, 0);
     }
 
     /// An action was carried out, and something moved.
@@ -367,8 +367,8 @@ impl Approach {
         if self.book.landmarks[number].closes || !self.is_closed {
             return false;
         }
-        let place = self.place(number).filter(|_| self.may_hide(number));
-        place.is_some_and(|place| self.beside_m(&place) < HIDDEN_M)
+        let is_beside = |place: Point3<f32>| self.beside_m(&place) < HIDDEN_M;
+        self.may_hide(number) && self.place(number).is_some_and(is_beside)
     }
 
     /// How far the gripper is from a place, over the floor.

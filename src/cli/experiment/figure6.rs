@@ -39,6 +39,8 @@ struct Line {
     method: Method,
     /// How many goal states the policy is averaged over at most, where that is not as in all runs.
     hypotheses: Option<usize>,
+    /// What the paper's robot would do first, with what probability (Fu & Finn, Figure 6); it has one goal state at a time.
+    paper: &'static [(&'static str, f64)],
 }
 
 const LINES: [Line; 3] = [
@@ -47,27 +49,22 @@ const LINES: [Line; 3] = [
         described: BC.described,
         method: BC,
         hypotheses: None,
+        paper: &[("base_forward", 0.68), ("base_turn_left", 0.31)],
     },
     Line {
         name: OURS.name,
         described: "ours",
         method: OURS,
         hypotheses: None,
+        paper: &[],
     },
     Line {
         name: "ours_one_goal",
         described: "ours, one goal state",
         method: OURS,
         hypotheses: Some(1),
+        paper: &[("base_forward", 0.99)],
     },
-];
-
-/// What the paper's robot would do first, with what probability (Fu & Finn, Figure 6).
-const PAPER: [(&str, &str, f64); 3] = [
-    (BC.name, "base_forward", 0.68),
-    (BC.name, "base_turn_left", 0.31),
-    // One goal state at a time is what the paper's robot has.
-    ("ours_one_goal", "base_forward", 0.99),
 ];
 
 /// What a method would do first in some episodes.
@@ -247,6 +244,11 @@ fn summed_up(names: &[String], first: &[ActionDistribution]) -> CertaintyCell {
     }
 }
 
+/// An action and its probability, for a table.
+fn told(action: &str, probability: f64) -> String {
+    format!("`{action}` {probability:.2}")
+}
+
 fn draw(out: &Path) -> Result<(), CliError> {
     let of_line = |line: &'static Line| kept(&cell_file(out, line)).map(|cell| (line, cell));
     let cells: Vec<(&Line, CertaintyCell)> = LINES.iter().filter_map(of_line).collect();
@@ -260,12 +262,9 @@ fn draw(out: &Path) -> Result<(), CliError> {
     let mut rates = Vec::new();
     for (line, cell) in &cells {
         let described = line.described;
-        let listed: Vec<String> = (cell.actions.iter().take(LISTED))
-            .map(|(name, p)| format!("`{name}` {p:.2}"))
-            .collect();
-        let published: Vec<String> = (PAPER.iter().filter(|(name, ..)| *name == line.name))
-            .map(|(_, action, p)| format!("`{action}` {p:.2}"))
-            .collect();
+        let first = cell.actions.iter().take(LISTED);
+        let listed: Vec<String> = first.map(|(name, p)| told(name, *p)).collect();
+        let published: Vec<String> = line.paper.iter().map(|(name, p)| told(name, *p)).collect();
         let _ = writeln!(
             table,
             "| {described}, {} demonstrations | **{:.2}** | {} | {} |",
