@@ -350,7 +350,7 @@ mod tests {
         };
         let finished = FinishedModel::load(&folder).unwrap();
         let datasets = [("practice of sock".to_owned(), "ab".to_owned())];
-        let encoder = Model::load(&folder, EngineChoice::Tract).unwrap();
+        let encoder = Model::load(&folder, EngineChoice::Auto).unwrap();
         let (after, practised) =
             (finished.practised(&practice, &encoder, datasets.into(), &folder)).unwrap();
         assert!(practised.empty > 2 * 20, "{practised:?}");
