@@ -37,7 +37,7 @@ pub(super) struct Approach {
     led_steps: usize,
     /// Closings of this stage to which it was led.
     closings: usize,
-    /// Times of this stage that a place was looked at again before the gripper opened over it.
+    /// Times of this stage that the robot looked again before the gripper opened.
     looks: usize,
     /// Steps since the gripper closed.
     closed_steps: u32,
@@ -172,7 +172,7 @@ impl Approach {
     fn sightings(&self, landmark: usize, latent: &[f32], lenses: &[Option<Lens>]) -> Vec<Sighting> {
         let is_aimed = self.is_aimed_at(landmark);
         let sighting = |(camera, lens): (usize, &Option<Lens>)| {
-            let lens = (*lens)?;
+            let lens = lens.filter(|_| self.counts(camera, landmark))?;
             let sight = self.book.sight(latent, camera, landmark);
             let sureness = (sight.peak / FULL_PEAK).min(1.0);
             let weight = if is_aimed {

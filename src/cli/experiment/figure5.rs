@@ -8,7 +8,7 @@ use super::plan::{QUICK_NOTE, Size, digest, out};
 use super::workshop::Workshop;
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
-use crate::cli::kept::{keep, keep_text, kept};
+use crate::cli::kept::{is_kept, keep, keep_text, kept};
 use crate::experiment::{LossCurve, LossPoint, losses_table};
 use crate::training::TrainedModel;
 use crate::view::{Panel, write_curves_svg};
@@ -52,8 +52,7 @@ fn measure(
     let words = size.training(method, seed);
     let digest = digest(&(method.name, demonstrations, &words, &workshop.recordings))?;
     let file = curve_file(out, method.name, seed);
-    if kept::<LossCurve>(&file).is_some_and(|curve| curve.digest == digest) {
-        println!("kept: {}", file.display());
+    if is_kept::<LossCurve>(&file, &digest) {
         return Ok(());
     }
     let trained = workshop.trained(method, demonstrations, size, seed, false)?;

@@ -12,7 +12,7 @@ use super::workshop::{Trained, Workshop};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::baseline::goal_state;
 use crate::cli::error::CliError;
-use crate::cli::kept::{keep, keep_text, kept};
+use crate::cli::kept::{is_kept, keep, keep_text, kept};
 use crate::cli::loaded::{Loaded, bedroom};
 use crate::composer::compose_named;
 use crate::environment::Environment;
@@ -39,16 +39,19 @@ struct Line {
     method: Method,
     /// How many goal states the policy is averaged over at most, where that is not as in all runs.
     hypotheses: Option<usize>,
+    /// How many steps a goal state lies ahead at most, where that is not as in all runs.
+    lookahead_steps: Option<u32>,
     /// What the paper's robot would do first, with what probability (Fu & Finn, Figure 6); it has one goal state at a time.
     paper: &'static [(&'static str, f64)],
 }
 
-const LINES: [Line; 3] = [
+const LINES: [Line; 4] = [
     Line {
         name: BC.name,
         described: BC.described,
         method: BC,
         hypotheses: None,
+        lookahead_steps: None,
         paper: &[("base_forward", 0.68), ("base_turn_left", 0.31)],
     },
     Line {
@@ -56,6 +59,7 @@ const LINES: [Line; 3] = [
         described: "ours",
         method: OURS,
         hypotheses: None,
+        lookahead_steps: None,
         paper: &[],
     },
     Line {
@@ -63,7 +67,16 @@ const LINES: [Line; 3] = [
         described: "ours, one goal state",
         method: OURS,
         hypotheses: Some(1),
+        lookahead_steps: None,
         paper: &[("base_forward", 0.99)],
+    },
+    Line {
+        name: "ours_next_state",
+        described: "ours, the next state as goal",
+        method: OURS,
+        hypotheses: Some(1),
+        lookahead_steps: Some(1),
+        paper: &[],
     },
 ];
 
@@ -133,8 +146,7 @@ fn measure(
         size.episodes,
         size.seed,
     ))?;
-    if kept::<CertaintyCell>(&file).is_some_and(|cell| cell.digest == digest) {
-        println!("kept: {}", file.display());
+    if is_kept::<CertaintyCell>(&file, &digest) {
         return Ok(());
     }
     let seed = size.training_seed;
@@ -175,7 +187,9 @@ fn first_actions(
         return Ok((names_of(&policy.spec().action_space)?, first));
     }
     let loaded = Loaded::of(composition, arguments)?;
-    let planner = loaded.planner(loaded.composition.planner.clone())?;
+    let mut planning = loaded.composition.planner.clone();
+    planning.lookahead_steps = line.lookahead_steps.unwrap_or(planning.lookahead_steps);
+    let planner = loaded.planner(planning)?;
     let mut options = loaded.rollout_options(None);
     options.hypotheses = line.hypotheses.unwrap_or(options.hypotheses);
     let mut controller = Controller::new(loaded.rollout_model(), planner, options)?;

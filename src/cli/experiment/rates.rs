@@ -11,7 +11,7 @@ use super::plan::{QUICK_NOTE, Size, digest, out};
 use super::workshop::{Trained, Workshop, evaluation, shown};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
-use crate::cli::kept::{keep, keep_text, kept};
+use crate::cli::kept::{is_kept, keep, keep_text, kept};
 use crate::experiment::{
     Evaluation, PAPER_TABLE_1, PAPER_TABLE_3, PAPER_TASKS, PublishedRate, RateCell,
     paper_rate_of_all, pooled, rates_table,
@@ -163,8 +163,7 @@ fn measure(
             episodes,
         ))?;
         let file = cell_file(out, method, demonstrations, task);
-        if kept::<RateCell>(&file).is_some_and(|cell| cell.digest == digest) {
-            println!("kept: {}", file.display());
+        if is_kept::<RateCell>(&file, &digest) {
             continue;
         }
         if trained.is_none() {

@@ -10,7 +10,7 @@ use super::plan::{Size, digest, out};
 use super::workshop::{Workshop, evaluation, shown};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
-use crate::cli::kept::{keep, keep_text, kept};
+use crate::cli::kept::{is_kept, keep, keep_text, kept};
 use crate::experiment::Evaluation;
 
 const NAME: &str = "table2";
@@ -77,8 +77,7 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
                 size.seed,
                 cores,
             ))?;
-            if kept::<TimeCell>(&file).is_some_and(|c| c.digest == digest) {
-                println!("kept: {}", file.display());
+            if is_kept::<TimeCell>(&file, &digest) {
                 continue;
             }
             if !workshop.can_train(&method) {

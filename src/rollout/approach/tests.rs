@@ -147,6 +147,7 @@ fn the_gripper_is_brought_over_a_place_first_to_the_side_and_then_opens() {
         "nothing is held"
     );
     approach.note(class("gripper_close"));
+    approach.looks = 1;
     let done = led(&mut approach, &place, &[]);
     let expected = [
         &["end_effector_left"; 4][..],
