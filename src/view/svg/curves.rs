@@ -22,6 +22,9 @@ const TOP: f32 = 84.0;
 const LEFT: f32 = 64.0;
 const RIGHT: f32 = 20.0;
 const LEGEND_ROW: f32 = 22.0;
+/// Room for a name in the legend: its line and what is left free, and each of its characters.
+const LEGEND_FREE: f32 = 64.0;
+const LEGEND_CHARACTER: f32 = 7.4;
 /// Lines across a panel.
 const GRID: usize = 5;
 
@@ -29,18 +32,21 @@ const GRID: usize = 5;
 /// reach beyond their first points, which are often far off.
 #[must_use]
 pub fn curves_svg(panels: &[Panel], title: &str, across: &str) -> String {
-    let names = panels.first().map_or(0, |p| p.lines.len());
+    let lines = panels.first().map_or(&[][..], |p| &p.lines);
+    let longest = lines.iter().map(|(name, _)| name.chars().count()).max();
+    let column = LEGEND_FREE + LEGEND_CHARACTER * longest.unwrap_or(0) as f32;
+    let width = WIDTH * panels.len().max(1) as f32;
+    let columns = (((width - LEFT) / column) as usize).max(1);
     let bottom = TOP + HEIGHT;
-    let height = bottom + 56.0 + LEGEND_ROW * names.div_ceil(3) as f32;
-    let mut canvas = Canvas::new(WIDTH * panels.len().max(1) as f32, height);
+    let height = bottom + 56.0 + LEGEND_ROW * lines.len().div_ceil(columns) as f32;
+    let mut canvas = Canvas::new(width, height);
     canvas.heading(title);
     for (index, panel) in panels.iter().enumerate() {
         draw(&mut canvas, panel, index as f32 * WIDTH, across);
     }
-    let lines = panels.first().map_or(&[][..], |p| &p.lines);
     for (index, (name, _)) in lines.iter().enumerate() {
-        let x = LEFT + (index % 3) as f32 * 250.0;
-        let y = bottom + 62.0 + (index / 3) as f32 * LEGEND_ROW;
+        let x = LEFT + (index % columns) as f32 * column;
+        let y = bottom + 62.0 + (index / columns) as f32 * LEGEND_ROW;
         canvas.push(format_args!(
             "<path d=\"M{x:.1} {y:.1}h26\" stroke=\"{}\" stroke-width=\"3\"/>",
             palette::task(index).hex()
@@ -79,11 +85,12 @@ fn draw(canvas: &mut Canvas, panel: &Panel, start: f32, across: &str) {
             ..Type::default()
         };
         canvas.text(left - 8.0, y(value) + 5.0, set, &format!("{value:.2}"));
+    }
+    for value in ticks(first, last) {
         let set = Type {
             anchor: "middle",
             ..Type::default()
         };
-        let value = first + part * (last - first);
         canvas.text(x(value), bottom + 20.0, set, &format!("{value:.0}"));
     }
     let set = Type {
@@ -112,6 +119,17 @@ fn draw(canvas: &mut Canvas, panel: &Panel, start: f32, across: &str) {
             canvas.circle([x(last[0]), y(last[1])], 4.0, palette::task(index));
         }
     }
+}
+
+/// Round whole numbers from a least to a largest value, some [`GRID`] of them.
+fn ticks(first: f64, last: f64) -> Vec<f64> {
+    let wanted = ((last - first) / GRID as f64).max(1.0);
+    let power = 10.0_f64.powf(wanted.log10().floor());
+    let rounds = [1.0, 2.0, 5.0].map(|round| round * power);
+    let fits = rounds.into_iter().find(|step| *step >= wanted);
+    let step = fits.unwrap_or(10.0 * power);
+    let multiples = (0..).map(|index| ((first / step).ceil() + f64::from(index)) * step);
+    multiples.take_while(|value| *value <= last).collect()
 }
 
 /// Least and largest; 0 and 1 for no values, and never the same twice.
@@ -169,6 +187,37 @@ mod tests {
             "what is beyond the panel stays at its edge"
         );
         assert!(svg.contains("theirs &amp; others") && svg.contains("steps"));
+    }
+
+    #[test]
+    fn an_axis_is_marked_at_round_numbers() {
+        assert_eq!(ticks(250.0, 4400.0), [1000.0, 2000.0, 3000.0, 4000.0]);
+        assert_eq!(ticks(0.0, 10.0), [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]);
+        assert_eq!(ticks(1.0, 2.0), [1.0, 2.0]);
+        assert_eq!(ticks(200.0, 201.0), [200.0, 201.0]);
+    }
+
+    #[test]
+    fn a_long_name_leaves_room_for_the_next() {
+        let line = |name: &str| (name.to_owned(), vec![[0.0, 1.0], [1.0, 2.0]]);
+        let long = "a network with a long description of what it is";
+        let panel = Panel {
+            label: "loss".to_owned(),
+            lines: vec![line(long), line("other")],
+        };
+        let starts = |panels: &[Panel]| -> Vec<f32> {
+            let svg = curves_svg(panels, "Losses", "steps");
+            let legend = svg.split("<path d=\"M").filter(|part| part.contains("h26"));
+            let start = |part: &str| part.split(' ').next().unwrap().parse().unwrap();
+            legend.map(start).collect()
+        };
+        let below = starts(&[panel.clone()]);
+        assert_eq!(below, [LEFT, LEFT], "one below the other");
+        let beside = starts(&[panel.clone(), panel]);
+        assert!(
+            beside[1] - beside[0] > 7.0 * long.len() as f32,
+            "{beside:?}"
+        );
     }
 
     #[test]
