@@ -211,7 +211,7 @@ mod tests {
             let start = |part: &str| part.split(' ').next().unwrap().parse().unwrap();
             legend.map(start).collect()
         };
-        let below = starts(&[panel.clone()]);
+        let below = starts(std::slice::from_ref(&panel));
         assert_eq!(below, [LEFT, LEFT], "one below the other");
         let beside = starts(&[panel.clone(), panel]);
         assert!(
