@@ -49,7 +49,7 @@ pub(super) struct Approach {
     misses: usize,
     /// The landmark at which the gripper is about to close.
     closing: Option<usize>,
-    /// What is still to be done of what follows a closing or a place in doubt, the next last.
+    /// What is still to be done of what follows a closing, or shows a place again, the next last.
     departure: Vec<usize>,
 }
 
@@ -194,7 +194,8 @@ impl Approach {
         all.filter(is_believed).collect()
     }
 
-    /// What follows a closing in demonstrations: whether it held is seen once the gripper is away from there.
+    /// What follows a closing in demonstrations: whether it held is seen once the gripper is away from there. Or what is left of
+    /// a look at a place.
     pub(super) fn depart(&mut self, is_blocked: impl Fn(usize) -> bool) -> Option<usize> {
         let class = self.departure.pop()?;
         if is_blocked(class) {

@@ -145,6 +145,13 @@ impl RobotGeometry {
         })
     }
 
+    /// Whether the gripper carries a camera; not one that is unknown.
+    #[must_use]
+    pub fn is_carried(&self, camera: &CameraSpec) -> bool {
+        let mount = self.cameras.get(&camera.name);
+        mount.is_some_and(|mount| mount.on == MountedOn::Gripper)
+    }
+
     /// Where the gripper is, in the frame in which the base began.
     #[must_use]
     pub fn gripper(&self, posture: &Posture) -> Point3<f32> {

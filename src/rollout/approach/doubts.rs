@@ -3,7 +3,6 @@ use nalgebra::Point3;
 use super::Approach;
 use super::ways::REACH_M;
 use crate::rollout::place::{LEAST_SPREAD_M, Sighting};
-use crate::trajectory::MountedOn;
 
 /// Weight of all sightings of a place below which the gripper does not open over it before it has looked again.
 const SURE_WEIGHT: f32 = 3.0;
@@ -37,9 +36,13 @@ impl Approach {
         is_blocked: impl Fn(usize) -> bool,
     ) -> Option<usize> {
         let opens = Some(class) == self.keys.open && self.lays_down_at(number);
-        let sees = (0..self.cameras.len()).any(|camera| !self.is_carried(camera));
-        let is_due = self.looks == 0 || (self.looks < MOST_LOOKS && self.is_in_doubt(number));
-        if !opens || !sees || !is_due {
+        let sees = || {
+            self.cameras
+                .iter()
+                .any(|camera| !self.book.robot.is_carried(camera))
+        };
+        let is_due = || self.looks == 0 || (self.looks < MOST_LOOKS && self.is_in_doubt(number));
+        if !(opens && sees() && is_due()) {
             return None;
         }
         let mut way = self.out_of_sight(number);
@@ -61,12 +64,8 @@ impl Approach {
         let in_sight = |place: Point3<f32>| place.y * out_m / (place.x + back_m).max(out_m);
         let sight_m = self.place(number).map_or(left_m, in_sight);
         let is_right = sight_m < 0.0;
-        let from_sight_m = if is_right {
-            sight_m - left_m
-        } else {
-            left_m - sight_m
-        };
-        let aside_m = (ASIDE_M + from_sight_m).min(2.0 * ASIDE_M);
+        let away = if is_right { 1.0 } else { -1.0 };
+        let aside_m = (ASIDE_M + away * (sight_m - left_m)).min(2.0 * ASIDE_M);
         let back = back.map(|(class, _)| class).into_iter().collect();
         [
             back,
@@ -87,13 +86,8 @@ impl Approach {
     /// Whether a camera tells where a place is: not one that the gripper carries, once it went aside to look. Demonstrations never
     /// show the place from there, and it is seen where it is not.
     pub(super) fn counts(&self, camera: usize, number: usize) -> bool {
-        !(self.is_carried(camera) && self.looks > 0 && self.lays_down_at(number))
-    }
-
-    /// Whether the gripper carries a camera.
-    fn is_carried(&self, camera: usize) -> bool {
-        let mount = self.book.robot.cameras.get(&self.cameras[camera].name);
-        mount.is_some_and(|mount| mount.on == MountedOn::Gripper)
+        let looked = self.looks > 0 && self.lays_down_at(number);
+        !looked || !self.book.robot.is_carried(&self.cameras[camera])
     }
 
     /// Whether too little was seen of a place, or sights contradict each other: what agrees meets at the height at which the

@@ -6,7 +6,7 @@ use crate::model::{GraspSense, grasp_values};
 use crate::task::GripperEvent;
 use crate::training::missed_grasps::{Closing, Outcome, closings};
 use crate::training::{Dataset, ImitationConfig, StateRef};
-use crate::trajectory::{CameraSpec, MountedOn, RobotGeometry};
+use crate::trajectory::{CameraSpec, RobotGeometry};
 
 /// Side of the square of the picture that is looked at, with the gripper in its middle, beside the picture's height.
 const SIDE: f32 = 0.8;
@@ -92,8 +92,7 @@ pub(super) fn carried_camera<'a>(
 
 /// The part of a picture that shows the gripper, for a camera that the gripper carries.
 fn region(robot: &RobotGeometry, camera: &CameraSpec) -> Option<[f32; 4]> {
-    let mount = robot.cameras.get(&camera.name)?;
-    if mount.on != MountedOn::Gripper {
+    if !robot.is_carried(camera) {
         return None;
     }
     let posture = robot.at_start();

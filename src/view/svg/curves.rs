@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::canvas::{Canvas, Type};
+use super::canvas::{Canvas, Type, text_width};
 use crate::view::palette::{self, INK};
 use crate::view::{ViewError, file};
 
@@ -22,9 +22,8 @@ const TOP: f32 = 84.0;
 const LEFT: f32 = 64.0;
 const RIGHT: f32 = 20.0;
 const LEGEND_ROW: f32 = 22.0;
-/// Room for a name in the legend: its line and what is left free, and each of its characters.
+/// Room beside a name in the legend: for its line, and what is left free.
 const LEGEND_FREE: f32 = 64.0;
-const LEGEND_CHARACTER: f32 = 7.4;
 /// Lines across a panel.
 const GRID: usize = 5;
 
@@ -33,8 +32,8 @@ const GRID: usize = 5;
 #[must_use]
 pub fn curves_svg(panels: &[Panel], title: &str, across: &str) -> String {
     let lines = panels.first().map_or(&[][..], |p| &p.lines);
-    let longest = lines.iter().map(|(name, _)| name.chars().count()).max();
-    let column = LEGEND_FREE + LEGEND_CHARACTER * longest.unwrap_or(0) as f32;
+    let widths = (lines.iter()).map(|(name, _)| text_width(name, Type::default().size));
+    let column = LEGEND_FREE + widths.fold(0.0, f32::max);
     let width = WIDTH * panels.len().max(1) as f32;
     let columns = (((width - LEFT) / column) as usize).max(1);
     let bottom = TOP + HEIGHT;
