@@ -15,6 +15,9 @@ pub(super) const STATES_A_BATCH: usize = 16;
 const LATENTS_A_BATCH: usize = 512;
 /// Pairs that are scored at once; larger batches were measured to be slower.
 const PAIRS_A_BATCH: usize = 2048;
+/// Values that go into a batch of pairs from each side, where projections are maps of a picture: larger batches
+/// leave the processor's cache.
+const VALUES_A_BATCH: usize = 1 << 20;
 
 impl Encoder for Model {
     fn spec(&self) -> &ModelSpec {
@@ -96,7 +99,8 @@ impl Traversability for Model {
             check("projections", width, from.from.dim())?;
             check("projections", width, to.to.dim())?;
         }
-        let [mut logits] = in_batches(pairs.len(), PAIRS_A_BATCH, |range| {
+        let batch = (VALUES_A_BATCH / width.max(1)).clamp(1, PAIRS_A_BATCH);
+        let [mut logits] = in_batches(pairs.len(), batch, |range| {
             let pairs = &pairs[range];
             let sources = gather(&from.from, pairs.iter().map(|p| p.0));
             let targets = gather(&to.to, pairs.iter().map(|p| p.1));

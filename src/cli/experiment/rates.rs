@@ -155,10 +155,14 @@ fn measure(
     let mut trained: Option<Trained> = None;
     for task in PAPER_TASKS {
         let episodes = (task, size.episodes, size.seed);
+        let told: Vec<&str> = (words.iter().map(String::as_str))
+            .chain(method.building().iter().copied())
+            .chain(method.running().iter().copied())
+            .collect();
         let digest = digest(&(
             method.name,
             demonstrations,
-            &words,
+            &told,
             &workshop.recordings,
             episodes,
         ))?;
@@ -181,10 +185,7 @@ fn measure(
             success_rate: evaluation.success_rate,
             interval_95: evaluation.interval_95,
             digest,
-            commands: vec![
-                format!("catena train ... {}", words.join(" ")),
-                shown(&command).replace(&trained.root.display().to_string(), "..."),
-            ],
+            commands: commands(method, &words, &shown(&command), trained),
             digests: digests_of(trained)?,
             commit: workshop.commit.clone(),
             is_quick: size.is_quick,
@@ -199,6 +200,17 @@ fn measure(
         );
     }
     Ok(())
+}
+
+/// The commands behind a cell, in order, without the folder that they work in.
+fn commands(method: &Method, words: &[String], evaluation: &str, trained: &Trained) -> Vec<String> {
+    let mut commands = vec![format!("catena train ... {}", words.join(" "))];
+    if !method.building().is_empty() {
+        let building = method.building().join(" ");
+        commands.push(format!("catena graph build ... {building}"));
+    }
+    commands.push(evaluation.replace(&trained.root.display().to_string(), "..."));
+    commands
 }
 
 /// Digests of a model's manifest and of the recordings that it says it was trained on.

@@ -130,7 +130,7 @@ impl<'a> Workshop<'a> {
         self.train(method, &trained, &size.training(method, seed))?;
         if method.plans && with_graphs {
             for task in PAPER_TASKS {
-                let command = [
+                let mut command: Vec<OsString> = vec![
                     "graph".into(),
                     "build".into(),
                     trained.root.join(format!("tasks/{task}.yaml")).into(),
@@ -139,6 +139,7 @@ impl<'a> Workshop<'a> {
                     "--root".into(),
                     trained.root.clone().into(),
                 ];
+                command.extend(method.building().iter().map(OsString::from));
                 self.run(&command, Some(&trained))?;
             }
         }
@@ -330,6 +331,7 @@ pub(super) fn evaluation(
     words.extend(["--root".into(), trained.root.clone().into()]);
     words.extend(["--episodes".into(), size.episodes.to_string().into()]);
     words.extend(["--seed".into(), size.seed.to_string().into()]);
+    words.extend(method.running().iter().map(OsString::from));
     words.push("--json".into());
     words
 }
