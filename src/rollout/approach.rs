@@ -3,6 +3,7 @@ mod doubts;
 mod keys;
 mod misses;
 mod seen;
+mod sight;
 mod ways;
 
 use std::sync::Arc;
@@ -51,6 +52,8 @@ pub(super) struct Approach {
     closing: Option<usize>,
     /// What is still to be done of what follows a closing, or shows a place again, the next last.
     departure: Vec<usize>,
+    /// What the base was stopped at since it last moved.
+    stopped: Vec<usize>,
 }
 
 /// Pictures that a place is found from.
@@ -110,6 +113,7 @@ impl Approach {
             misses: 0,
             closing: None,
             departure: Vec::new(),
+            stopped: Vec::new(),
             book: Arc::clone(book),
         })
     }
@@ -120,6 +124,7 @@ impl Approach {
         self.is_closed = false;
         self.seen.iter_mut().for_each(Seen::clear);
         (self.closing, self.departure) = (None, Vec::new());
+        self.stopped.clear();
         self.enter();
     }
 
@@ -143,9 +148,17 @@ impl Approach {
         }
         if self.keys.is_of_base(class) {
             self.seen.iter_mut().for_each(Seen::base_moved);
+            self.stopped.clear();
         }
         if let Some(name) = self.keys.names.get(class) {
             self.posture = self.book.robot.after(&self.posture, name);
+        }
+    }
+
+    /// An action was carried out, and nothing moved.
+    pub(super) fn note_stopped(&mut self, class: usize) {
+        if self.keys.is_of_base(class) && !self.stopped.contains(&class) {
+            self.stopped.push(class);
         }
     }
 
@@ -205,8 +218,9 @@ impl Approach {
         Some(class)
     }
 
-    /// The classes that are of no use here: to close what is closed, to open what is open; where the robot is not
-    /// stuck also any of the arm where demonstrations only drive, and to let go what was just grasped.
+    /// The classes that are of no use here: to close what is closed, to open what is open, to turn away from where something is
+    /// to be laid down; where the robot is not stuck also any of the arm where demonstrations only drive, and to let go what was
+    /// just grasped.
     pub(super) fn useless(&self, goal: &Node, is_stuck: bool) -> Vec<usize> {
         let keys = &self.keys;
         let pressed = if self.is_closed {
@@ -215,6 +229,7 @@ impl Approach {
             keys.open
         };
         let mut useless: Vec<usize> = pressed.into_iter().collect();
+        useless.extend(self.turning_away(goal));
         if is_stuck {
             return useless;
         }
@@ -268,7 +283,7 @@ impl Approach {
         let (number, steps) = self.due(goal)?;
         let landmark = &self.book.landmarks[number];
         let is_worn_out = self.led_steps >= MOST_LED_STEPS || self.closings >= MOST_CLOSINGS;
-        if steps > LED_FROM_STEPS || is_worn_out {
+        if (steps > LED_FROM_STEPS && !self.is_in_sight(number)) || is_worn_out {
             return None;
         }
         let place = self.sure_place(number)?;

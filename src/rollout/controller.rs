@@ -144,9 +144,13 @@ impl<'a> Controller<'a> {
     /// # Errors
     /// [`RolloutError`] when a network gives no answer, or cameras or classes do not fit the model.
     pub fn step(&mut self, observation: Arc<Observation>) -> Result<Decision, RolloutError> {
-        let moved = self.run.see(&observation, self.options.stillness());
-        if let (Some(approach), Some(class)) = (&mut self.approach, moved) {
-            approach.note(class);
+        let done = self.run.see(&observation, self.options.stillness());
+        if let (Some(approach), Some((class, has_moved))) = (&mut self.approach, done) {
+            if has_moved {
+                approach.note(class);
+            } else {
+                approach.note_stopped(class);
+            }
         }
         let step = self.run.step;
         let sight = self.monitor.look(Arc::clone(&observation))?;
@@ -308,17 +312,18 @@ impl<'a> Controller<'a> {
         }
         let reflex = &self.run.reflex;
         let node = self.planner.graph().node(goal.node);
+        let is_stuck = self.run.step - self.run.progress_step >= self.options.doubt_steps;
         if let Some(approach) = &mut self.approach {
             let is_ruled_out = |class| reflex.is_ruled_out(class);
             let led = (approach.depart(is_ruled_out))
                 .or_else(|| approach.next(node, is_ruled_out))
+                .or_else(|| is_stuck.then(|| approach.drive(node, is_ruled_out))?)
                 .or_else(|| approach.rest(node, is_ruled_out));
             if let Some(class) = led {
                 approach.chosen(class, node);
                 return Ok((distribution, vec![class]));
             }
         }
-        let is_stuck = self.run.step - self.run.progress_step >= self.options.doubt_steps;
         let too_early = self.approach.as_ref().and_then(|a| a.too_early(node));
         let useless = (self.approach.as_ref()).map_or_else(Vec::new, |a| a.useless(node, is_stuck));
         let out = useless.into_iter().chain(too_early);

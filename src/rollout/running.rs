@@ -54,12 +54,16 @@ impl Run {
         self.last = Some((classes, before));
     }
 
-    /// What is seen after it. The class of what was done is returned where it had an effect.
-    pub(super) fn see(&mut self, observation: &Observation, stillness: Stillness) -> Option<usize> {
+    /// What is seen after it. The class of what was done is returned, and whether it had an effect.
+    pub(super) fn see(
+        &mut self,
+        observation: &Observation,
+        stillness: Stillness,
+    ) -> Option<(usize, bool)> {
         let (classes, before) = self.last.take()?;
         self.step += 1;
         let has_moved = self.reflex.note(&classes, &before, observation, stillness);
-        classes.first().copied().filter(|_| has_moved)
+        classes.first().map(|class| (*class, has_moved))
     }
 }
 

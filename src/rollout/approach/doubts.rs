@@ -114,7 +114,7 @@ impl Approach {
     }
 
     /// How much all sightings of a landmark say of where it is.
-    fn weight(&self, number: usize) -> f32 {
+    pub(super) fn weight(&self, number: usize) -> f32 {
         let sightings = self.seen[number].sightings();
         sightings.iter().flatten().map(|s| s.weight).sum()
     }

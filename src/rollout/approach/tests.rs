@@ -1,4 +1,5 @@
 mod doubts;
+mod sight;
 
 use std::collections::BTreeMap;
 
@@ -6,7 +7,7 @@ use super::*;
 use crate::model::{GraspSight, Landmark, LandmarkView};
 use crate::trajectory::RobotGeometry;
 
-const NAMES: [&str; 11] = [
+const NAMES: [&str; 14] = [
     "end_effector_left",
     "end_effector_right",
     "end_effector_forward",
@@ -18,6 +19,9 @@ const NAMES: [&str; 11] = [
     "wrist_down",
     "gripper_close",
     "gripper_open",
+    "wrist_up",
+    "base_turn_left",
+    "base_turn_right",
 ];
 
 fn class(name: &str) -> usize {

@@ -71,6 +71,12 @@ impl Approach {
         if self.beside_m(place) > FAR_FROM_M {
             return None;
         }
+        // With its wrist down an arm does not rise as far.
+        let levels = self.lays_down_at(number);
+        let tilt = self.tilting_to(landmark.tilt_rad).filter(|_| levels);
+        if let Some(class) = tilt.and_then(free) {
+            return Some(class);
+        }
         if let Some(class) = self.height_step(number, WIDE_STEPS).and_then(free) {
             return Some(class);
         }
@@ -158,7 +164,9 @@ impl Approach {
         if !is_far || place.x - drive_m <= least - REACH_M {
             return None;
         }
-        let drive = free(class)?;
+        // What stopped the base stops it until it went another way, whatever the arm does in between.
+        let is_in_reach = place.x <= most + REACH_M;
+        let drive = free(class).filter(|c| !is_in_reach || !self.stopped.contains(c))?;
         let approach = Vector3::from(landmark.approach);
         let ahead = -from.dot(&approach);
         let room = if approach.iamax() == 0 {
