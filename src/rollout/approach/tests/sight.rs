@@ -79,23 +79,3 @@ fn a_wrist_that_is_down_comes_up_before_the_arm_rises() {
     let next = approach.next(&goal(8), |c| c == class("wrist_up"));
     assert_ne!(next, None, "blocked, it goes on as it is");
 }
-
-#[test]
-fn a_base_that_was_stopped_is_not_driven_again_before_what_the_arm_reaches() {
-    let mut approach = approach(Landmark {
-        reach_m: [[0.3, 0.4], [-0.1, 0.1]],
-        ..Landmark::example(true, [1.0, 0.0, 0.0])
-    });
-    let at = |approach: &mut Approach, ahead| {
-        approach.seen[0].clear();
-        approach.look(&latent(approach, &Point3::new(ahead, 0.0, 0.3)));
-        approach.next(&goal(8), |_| false)
-    };
-    let drive = class("base_forward");
-    let (in_reach, out_of_reach) = (0.45, 0.55);
-    approach.note_stopped(drive);
-    assert_ne!(at(&mut approach, in_reach), Some(drive));
-    assert_eq!(at(&mut approach, out_of_reach), Some(drive));
-    approach.note(class("base_backward"));
-    assert!(approach.stopped.is_empty());
-}
