@@ -52,8 +52,8 @@ pub(super) struct Approach {
     closing: Option<usize>,
     /// What is still to be done of what follows a closing, or shows a place again, the next last.
     departure: Vec<usize>,
-    /// What the base was stopped at since it last moved.
-    stopped: Vec<usize>,
+    /// Whether the base was stopped on its way ahead since it last moved.
+    is_stopped: bool,
 }
 
 /// Pictures that a place is found from.
@@ -113,7 +113,7 @@ impl Approach {
             misses: 0,
             closing: None,
             departure: Vec::new(),
-            stopped: Vec::new(),
+            is_stopped: false,
             book: Arc::clone(book),
         })
     }
@@ -124,7 +124,7 @@ impl Approach {
         self.is_closed = false;
         self.seen.iter_mut().for_each(Seen::clear);
         (self.closing, self.departure) = (None, Vec::new());
-        self.stopped.clear();
+        self.is_stopped = false;
         self.enter();
     }
 
@@ -148,7 +148,7 @@ impl Approach {
         }
         if self.keys.is_of_base(class) {
             self.seen.iter_mut().for_each(Seen::base_moved);
-            self.stopped.clear();
+            self.is_stopped = false;
         }
         if let Some(name) = self.keys.names.get(class) {
             self.posture = self.book.robot.after(&self.posture, name);
@@ -157,9 +157,8 @@ impl Approach {
 
     /// An action was carried out, and nothing moved.
     pub(super) fn note_stopped(&mut self, class: usize) {
-        if self.keys.is_of_base(class) && !self.stopped.contains(&class) {
-            self.stopped.push(class);
-        }
+        let ahead = self.keys.drives[1].map(|(ahead, _)| ahead);
+        self.is_stopped |= Some(class) == ahead;
     }
 
     /// What the cameras see now.
@@ -207,9 +206,30 @@ impl Approach {
         all.filter(is_believed).collect()
     }
 
+    /// The next action where the robot is led and not left to its policy, on the way to a goal state. `is_blocked` says whether
+    /// a class had no effect here.
+    pub(super) fn lead(
+        &mut self,
+        goal: &Node,
+        is_stuck: bool,
+        is_blocked: impl Fn(usize) -> bool,
+    ) -> Option<usize> {
+        if let Some(class) = self.depart(&is_blocked) {
+            return Some(class);
+        }
+        if self.led_steps >= MOST_LED_STEPS {
+            return None;
+        }
+        let class = (self.next(goal, &is_blocked))
+            .or_else(|| is_stuck.then(|| self.drive(goal, &is_blocked))?)
+            .or_else(|| self.rest(goal, &is_blocked))?;
+        self.led_steps += 1;
+        Some(class)
+    }
+
     /// What follows a closing in demonstrations: whether it held is seen once the gripper is away from there. Or what is left of
     /// a look at a place.
-    pub(super) fn depart(&mut self, is_blocked: impl Fn(usize) -> bool) -> Option<usize> {
+    fn depart(&mut self, is_blocked: impl Fn(usize) -> bool) -> Option<usize> {
         let class = self.departure.pop()?;
         if is_blocked(class) {
             self.departure.clear();
@@ -259,31 +279,19 @@ impl Approach {
     }
 
     /// The arm to where it rests in a goal state: demonstrations drive with it there.
-    pub(super) fn rest(
-        &mut self,
-        goal: &Node,
-        is_blocked: impl Fn(usize) -> bool,
-    ) -> Option<usize> {
-        if self.led_steps >= MOST_LED_STEPS {
-            return None;
-        }
+    fn rest(&self, goal: &Node, is_blocked: impl Fn(usize) -> bool) -> Option<usize> {
         let there = self.shown.resting(&goal.trajectory, goal.step)?;
-        let class = self.posture_step(there, is_blocked)?;
-        self.led_steps += 1;
-        Some(class)
+        self.posture_step(there, is_blocked)
     }
 
-    /// The next action on the way to the event that follows a goal state; none where the robot is not to be led.
-    /// `is_blocked` says whether a class had no effect here.
-    pub(super) fn next(
-        &mut self,
-        goal: &Node,
-        is_blocked: impl Fn(usize) -> bool,
-    ) -> Option<usize> {
+    /// The next action on the way to the event that follows a goal state; none where that is far or not seen.
+    fn next(&mut self, goal: &Node, is_blocked: impl Fn(usize) -> bool) -> Option<usize> {
+        if self.closings >= MOST_CLOSINGS {
+            return None;
+        }
         let (number, steps) = self.due(goal)?;
         let landmark = &self.book.landmarks[number];
-        let is_worn_out = self.led_steps >= MOST_LED_STEPS || self.closings >= MOST_CLOSINGS;
-        if (steps > LED_FROM_STEPS && !self.is_in_sight(number)) || is_worn_out {
+        if steps > LED_FROM_STEPS && !self.is_in_sight(number) {
             return None;
         }
         let place = self.sure_place(number)?;
@@ -293,7 +301,6 @@ impl Approach {
             self.over(number, &place, &is_blocked)
         }?;
         let class = self.look_again(class, number, is_blocked).unwrap_or(class);
-        self.led_steps += 1;
         self.closings += usize::from(Some(class) == self.keys.close);
         Some(class)
     }

@@ -315,11 +315,7 @@ impl<'a> Controller<'a> {
         let is_stuck = self.run.step - self.run.progress_step >= self.options.doubt_steps;
         if let Some(approach) = &mut self.approach {
             let is_ruled_out = |class| reflex.is_ruled_out(class);
-            let led = (approach.depart(is_ruled_out))
-                .or_else(|| approach.next(node, is_ruled_out))
-                .or_else(|| is_stuck.then(|| approach.drive(node, is_ruled_out))?)
-                .or_else(|| approach.rest(node, is_ruled_out));
-            if let Some(class) = led {
+            if let Some(class) = approach.lead(node, is_stuck, is_ruled_out) {
                 approach.chosen(class, node);
                 return Ok((distribution, vec![class]));
             }

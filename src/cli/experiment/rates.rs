@@ -152,13 +152,13 @@ fn measure(
 ) -> Result<(), CliError> {
     let seed = size.training_seed;
     let words = size.training(method, seed);
+    let told: Vec<&str> = (words.iter().map(String::as_str))
+        .chain(method.building().iter().copied())
+        .chain(method.running().iter().copied())
+        .collect();
     let mut trained: Option<Trained> = None;
     for task in PAPER_TASKS {
         let episodes = (task, size.episodes, size.seed);
-        let told: Vec<&str> = (words.iter().map(String::as_str))
-            .chain(method.building().iter().copied())
-            .chain(method.running().iter().copied())
-            .collect();
         let digest = digest(&(
             method.name,
             demonstrations,

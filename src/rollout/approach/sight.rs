@@ -1,7 +1,7 @@
 use nalgebra::Point3;
 
+use super::Approach;
 use super::ways::REACH_M;
-use super::{Approach, MOST_LED_STEPS};
 use crate::graph::Node;
 
 /// Weight of all sightings of a place from which it is in sight.
@@ -16,14 +16,7 @@ const FACING_M: f32 = 0.1;
 impl Approach {
     /// The base on its way to where something is to be laid down next, where that is in sight: turned to it, then ahead until the
     /// arm reaches it.
-    pub(in crate::rollout) fn drive(
-        &mut self,
-        goal: &Node,
-        is_blocked: impl Fn(usize) -> bool,
-    ) -> Option<usize> {
-        if self.led_steps >= MOST_LED_STEPS {
-            return None;
-        }
+    pub(super) fn drive(&self, goal: &Node, is_blocked: impl Fn(usize) -> bool) -> Option<usize> {
         let (number, place) = self.in_sight(goal)?;
         let [_, most] = self.book.landmarks[number].reach_m[0];
         let class = if place.y.abs() > AHEAD_SHARE * place.x {
@@ -32,9 +25,7 @@ impl Approach {
             let ahead = self.keys.drives[1].filter(|_| place.x > most + REACH_M);
             ahead.map(|(class, _)| class)
         };
-        let class = class.filter(|class| !is_blocked(*class))?;
-        self.led_steps += 1;
-        Some(class)
+        class.filter(|class| !is_blocked(*class))
     }
 
     /// The class that turns the base away from where something is to be laid down next, where that is in sight.

@@ -72,9 +72,9 @@ impl Approach {
             return None;
         }
         // With its wrist down an arm does not rise as far.
-        let levels = self.lays_down_at(number);
-        let tilt = self.tilting_to(landmark.tilt_rad).filter(|_| levels);
-        if let Some(class) = tilt.and_then(free) {
+        if self.lays_down_at(number)
+            && let Some(class) = self.tilting_to(landmark.tilt_rad).and_then(free)
+        {
             return Some(class);
         }
         if let Some(class) = self.height_step(number, WIDE_STEPS).and_then(free) {
@@ -166,7 +166,7 @@ impl Approach {
         }
         // What stopped the base stops it until it went another way, whatever the arm does in between.
         let is_in_reach = place.x <= most + REACH_M;
-        let drive = free(class).filter(|c| !is_in_reach || !self.stopped.contains(c))?;
+        let drive = free(class).filter(|_| !(is_in_reach && self.is_stopped))?;
         let approach = Vector3::from(landmark.approach);
         let ahead = -from.dot(&approach);
         let room = if approach.iamax() == 0 {

@@ -206,5 +206,5 @@ fn a_base_that_was_stopped_is_not_driven_again_before_what_the_arm_reaches() {
     assert_ne!(at(&mut approach, in_reach), Some(drive));
     assert_eq!(at(&mut approach, out_of_reach), Some(drive));
     approach.note(class("base_backward"));
-    assert!(approach.stopped.is_empty());
+    assert!(!approach.is_stopped);
 }
