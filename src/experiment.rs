@@ -41,7 +41,7 @@ pub use localisation::{LocalisationError, LocalisationScore};
 pub use loss_curve::{LossCurve, LossPoint, losses_table};
 pub use rate_cell::{
     PAPER_TABLE_1, PAPER_TABLE_3, PAPER_TASKS, PublishedRate, RateCell, paper_rate,
-    paper_rate_of_all, pooled, rates_table,
+    paper_rate_of_all, rate_of_all, rates_table,
 };
 pub use reliability::{Forecast, Reliability, ReliabilityBin};
 pub use replay::Replay;

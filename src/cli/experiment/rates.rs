@@ -14,7 +14,7 @@ use crate::cli::error::CliError;
 use crate::cli::kept::{is_kept, keep, keep_text, kept};
 use crate::experiment::{
     Evaluation, PAPER_TABLE_1, PAPER_TABLE_3, PAPER_TASKS, PublishedRate, RateCell,
-    paper_rate_of_all, pooled, rates_table,
+    paper_rate_of_all, rate_of_all, rates_table,
 };
 use crate::storage::sha256_file;
 use crate::view::{Rate, write_rates_svg};
@@ -112,7 +112,7 @@ impl Table {
             let of_row = cells
                 .iter()
                 .filter(|c| c.method == *name && c.demonstrations == *demonstrations);
-            let (rate, interval) = pooled(of_row)?;
+            let (rate, interval) = rate_of_all(of_row)?;
             Some(Rate {
                 label: format!("{described}, {demonstrations} demonstrations"),
                 rate,
