@@ -51,7 +51,7 @@ pub enum Event {
         /// What is due again.
         subgoal: Subgoal,
     },
-    /// What the cameras show is like no state of the graph.
+    /// What the cameras show is like no state of the graph, and has been for some steps; not said once all subgoals are reached.
     Lost {
         /// Time step.
         step: usize,

@@ -163,7 +163,9 @@ impl<'a> Monitor<'a> {
         let before = self.filter.stage();
         let localisation = self.filter.look(&distances, latent.row(0), grasp);
         let mut events = Vec::new();
-        events.extend(self.note_lost(localisation.is_lost));
+        // What comes after the last subgoal is nobody's way any more.
+        let is_under_way = localisation.stage < self.subgoals.len();
+        events.extend(self.note_lost(localisation.is_lost && is_under_way));
         events.extend(self.events(before, &localisation, grasp));
         self.step += 1;
         Ok(Sight {

@@ -116,6 +116,16 @@ fn a_robot_that_is_lost_for_long_is_said_to_be_and_to_be_found_again() {
     assert_eq!(said[1], format!("step {}: found again", 5 + long));
 }
 
+#[test]
+fn a_robot_that_has_reached_everything_may_be_anywhere() {
+    let walk = (0..25).chain([24; 4]).chain([90; 40]);
+    let events = told(walk);
+    let reached = |event: &&Event| matches!(event, Event::SubgoalReached { .. });
+    assert_eq!(events.iter().filter(reached).count(), THREE.len());
+    let is_lost = |event: &Event| matches!(event, Event::Lost { .. });
+    assert!(!events.iter().any(is_lost), "{events:?}");
+}
+
 /// A gripper that closes at the first subgoal and opens at the second; it looks green when it is open and blue
 /// when it holds something.
 fn book_of_corridor() -> LandmarkBook {

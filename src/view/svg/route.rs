@@ -7,6 +7,10 @@ use crate::view::layout::GraphLayout;
 use crate::view::palette::{INK, Rgb, STAR};
 
 const WHITE: Rgb = Rgb(255, 255, 255);
+const BADGE_RADIUS: f32 = 9.5;
+const STAR_RADIUS: f32 = 13.0;
+/// How far above its place a number stands that would touch the star.
+const LIFT: f32 = 24.0;
 
 /// The planned route in bold, numbered where it reaches a subgoal, starred where it ends.
 pub(super) fn paint(
@@ -41,9 +45,13 @@ pub(super) fn paint(
         INK.hex()
     ));
     for (number, node) in stage_ends(graph, route).into_iter().enumerate() {
-        badge(canvas, layout.at(node), number + 1, node == *last);
+        badge(
+            canvas,
+            beside(layout.at(node), layout.at(*last)),
+            number + 1,
+        );
     }
-    canvas.star(layout.at(*last), 13.0, STAR);
+    canvas.star(layout.at(*last), STAR_RADIUS, STAR);
 }
 
 /// The first node of the route at which each further subgoal holds, in order.
@@ -68,10 +76,15 @@ fn stage_ends(graph: &TopologicalGraph, route: &[NodeId]) -> Vec<NodeId> {
     ends
 }
 
-fn badge(canvas: &mut Canvas, [x, y]: [f32; 2], number: usize, beside_star: bool) {
-    let (x, y) = if beside_star { (x, y - 24.0) } else { (x, y) };
+/// Where a number stands so that the star covers nothing of it.
+fn beside([x, y]: [f32; 2], star: [f32; 2]) -> [f32; 2] {
+    let touches = (x - star[0]).hypot(y - star[1]) < BADGE_RADIUS + STAR_RADIUS;
+    [x, if touches { y - LIFT } else { y }]
+}
+
+fn badge(canvas: &mut Canvas, [x, y]: [f32; 2], number: usize) {
     canvas.push(format_args!(
-        "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"9.5\" fill=\"{}\" stroke=\"#ffffff\" \
+        "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{BADGE_RADIUS}\" fill=\"{}\" stroke=\"#ffffff\" \
          stroke-width=\"2\"/>",
         INK.hex()
     ));
@@ -93,8 +106,21 @@ pub(super) fn sample(canvas: &mut Canvas, x: f32, y: f32) {
         ..Type::default()
     };
     canvas.text(x + 40.0, y + 4.5, set, "planned route");
-    badge(canvas, [x + 150.0, y], 1, false);
+    badge(canvas, [x + 150.0, y], 1);
     canvas.text(x + 166.0, y + 4.5, set, "reaches a subgoal");
     canvas.star([x + 300.0, y], 9.0, STAR);
     canvas.text(x + 316.0, y + 4.5, set, "chosen final state");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_stands_above_its_place_where_the_star_would_cover_it() {
+        let star = [200.0, 50.0];
+        assert_eq!(beside(star, star), [200.0, 26.0]);
+        assert_eq!(beside([184.0, 50.0], star), [184.0, 26.0]);
+        assert_eq!(beside([170.0, 50.0], star), [170.0, 50.0]);
+    }
 }
