@@ -131,7 +131,7 @@ fn bar(canvas: &mut Canvas, rate: &Rate, top: f32, left: f32, at: &dyn Fn(f64) -
     let text = format!("{:.0} %", 100.0 * rate.rate);
     let end = high.max(at(rate.rate));
     // A mark just behind the bar would lie on its figure.
-    let room = end..end + 8.0 + text_width(&text, LABEL_SIZE);
+    let room = end..end + 8.0 + text_width(&text, LABEL_SIZE) + MARK + 4.0;
     let beside = published.filter(|mark| room.contains(mark));
     let x = beside.map_or(end + 8.0, |mark| mark + MARK + 4.0);
     canvas.text(x, middle + 5.0, figure, &text);
@@ -210,5 +210,10 @@ mod tests {
         assert!(!without.contains("the paper's robot") && far.contains("the paper's robot"));
         assert!((figure_at(&far) - figure_at(&without)).abs() < 0.1);
         assert!(figure_at(&beside) > figure_at(&without) + 10.0);
+        // A mark of which only a corner lies on the figure.
+        let bars = WIDTH - RIGHT - 48.0 - text_width("same", LABEL_SIZE);
+        let behind_px = 8.0 + text_width("50 %", LABEL_SIZE) + MARK / 2.0;
+        let touching = svg(Some(0.6 + f64::from(behind_px / bars)));
+        assert!(figure_at(&touching) > figure_at(&without) + 10.0);
     }
 }
