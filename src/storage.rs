@@ -46,9 +46,12 @@ pub use demonstrations::{demonstrations_digest, load_demonstrations, recording_f
 pub use digest::sha256_file;
 pub use episode::{EpisodeWriter, RecordingMetadata, write_trajectory};
 pub use error::StorageError;
-pub use graph_folder::{load_graph, load_manifest, save_graph, save_graph_with_images};
+pub use graph_folder::{
+    check_graph_place, load_graph, load_manifest, save_graph, save_graph_with_images,
+};
 pub use graph_images::{GraphImage, GraphImages};
 pub use manifest::{FileDigest, GraphManifest, GraphTask, ensure_same_model};
+pub(crate) use mapping::MAX_BINS;
 pub(crate) use nearest::nearest;
 pub use recording::{Recording, inspect, read_trajectory};
 pub use recordings::Recordings;

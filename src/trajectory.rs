@@ -15,5 +15,6 @@ pub use binning::{ActionDimension, Binning, Decoding, DimensionBinning, Spacing}
 pub use demonstration::{DemonstrationSet, Marker, Step, Trajectory};
 pub use error::TrajectoryError;
 pub use geometry::{CameraMount, Displacement, Lens, MountedOn, Posture, RobotGeometry};
+pub(crate) use image::printed_cameras;
 pub use image::{CameraSpec, Image};
 pub use observation::{Observation, State};

@@ -88,6 +88,47 @@ pub(super) enum CliError {
         /// Why not.
         reason: String,
     },
+    /// A merged graph would take the place of one that it is made of.
+    #[error("{} is one of the graphs to be merged: name another folder with --out", graph.display())]
+    MergedIntoItself {
+        /// The graph.
+        graph: PathBuf,
+    },
+    /// A file that an experiment keeps is not what it wrote.
+    #[error("{}: {reason}; restore it, or remove it to have it measured anew", file.display())]
+    CellBroken {
+        /// The file.
+        file: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// A file holds what was measured with other settings, on other demonstrations or by another version.
+    #[error(
+        "{} holds what was measured otherwise (other flags, demonstrations, tasks, model or version): --out DIR keeps \
+         both, --replace measures it anew",
+        file.display()
+    )]
+    CellOfOthers {
+        /// The file.
+        file: PathBuf,
+    },
+    /// A composition beside another target.
+    #[error(
+        "--composition goes with `catena evaluate shortcuts`, not with {target}: `catena evaluate {composition}` \
+         evaluates it"
+    )]
+    CompositionUnused {
+        /// What is evaluated.
+        target: String,
+        /// The composition.
+        composition: String,
+    },
+    /// A model would go where a file is.
+    #[error("{} is a file: name a folder for the model with --out", path.display())]
+    OutIsFile {
+        /// The file.
+        path: PathBuf,
+    },
     /// A method that the experiment does not have.
     #[error("there is no method '{found}' in this experiment; there are: {known}")]
     UnknownMethod {
@@ -96,9 +137,20 @@ pub(super) enum CliError {
         /// What there is.
         known: String,
     },
+    /// Several numbers of demonstrations for an experiment that has one.
+    #[error(
+        "{experiment} is made of one number of demonstrations, found --demonstrations {found}: make a call for each, \
+         with an --out of its own"
+    )]
+    OneNumberOnly {
+        /// Its name.
+        experiment: &'static str,
+        /// What was asked for.
+        found: String,
+    },
     /// Fewer recordings than an experiment needs.
     #[error(
-        "{} has {found} recordings and the experiment needs {wanted}: record more (`catena record {task} \
+        "{} has {found} MCAP recordings and the experiment needs {wanted}: record more (`catena record {task} \
          --demos {wanted} --vary --out {}`), or ask for fewer with --demonstrations",
         folder.display(),
         folder.display()

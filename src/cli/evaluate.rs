@@ -19,6 +19,12 @@ pub(super) fn evaluate(
         return shortcuts::evaluate_shortcuts(evaluate_arguments, arguments);
     }
     let target = &evaluate_arguments.target;
+    if let Some(composition) = &evaluate_arguments.composition {
+        return Err(CliError::CompositionUnused {
+            target: target.clone(),
+            composition: composition.clone(),
+        });
+    }
     let evaluation = match &evaluate_arguments.policy {
         Some(folder) => baseline_evaluation(target, folder, evaluate_arguments, arguments)?,
         None => evaluation(target, evaluate_arguments, arguments)?,
@@ -41,14 +47,11 @@ pub(super) fn evaluation(
     let bedroom = bedroom(&loaded, evaluate_arguments)?;
     let planner = loaded.planner(options(&loaded, evaluate_arguments.planner))?;
     let judged = loaded.composition.demonstrated_automaton();
+    let options = loaded.rollout_options(evaluate_arguments.nearest_states);
+    let rollout = Rollout::new(loaded.rollout_model(), planner, options)?;
     let results = episodes("evaluating", evaluate_arguments, |seed| {
         let mut room = ScoredBedroom::new(Bedroom::new(bedroom), &judged);
-        let mut rollout = Rollout::new(
-            loaded.rollout_model(),
-            planner.clone(),
-            loaded.rollout_options(evaluate_arguments.nearest_states),
-        )?;
-        let episode = rollout.run(&mut room, seed, &mut ())?;
+        let episode = rollout.clone().run(&mut room, seed, &mut ())?;
         Ok(EpisodeResult::new(seed, &episode, room.score()))
     })?;
     let subgoals: Vec<String> = judged.subgoals().iter().map(|s| s.name.clone()).collect();

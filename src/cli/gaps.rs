@@ -99,10 +99,7 @@ fn seam_gaps(loaded: &Loaded, seam: &SeamReport) -> SeamGaps {
 /// The state of the same demonstration that is nearest in time among those with pictures.
 fn picture_near(loaded: &Loaded, node: NodeId) -> Option<String> {
     let node = loaded.graph.node(node);
-    let steps = loaded
-        .images
-        .iter()
-        .flat_map(|images| images.steps_of(&node.trajectory));
+    let steps = loaded.images_of(&node.task)?.steps_of(&node.trajectory);
     let nearest = steps.min_by_key(|step| step.abs_diff(node.step))?;
     Some(format!("{}:{nearest}", node.trajectory))
 }

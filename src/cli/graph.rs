@@ -1,3 +1,4 @@
+use std::fs;
 use std::path::PathBuf;
 
 use serde::Serialize;
@@ -22,7 +23,8 @@ use crate::graph::{
 use crate::inference::Model;
 use crate::planner::{SuspectEdge, suspects};
 use crate::storage::{
-    BuildFolder, GraphImage, GraphManifest, Recordings, load_graph, load_manifest, save_graph,
+    BuildFolder, GraphImage, GraphManifest, Recordings, check_graph_place, load_graph,
+    load_manifest, save_graph,
 };
 use crate::task::{Subgoal, Task, locate_subgoals};
 use crate::trajectory::DemonstrationSet;
@@ -81,6 +83,7 @@ fn build_graph(
         .out
         .clone()
         .unwrap_or_else(|| task.graph.clone());
+    check_graph_place(&out)?;
     let options = BuildOptions {
         candidates: candidates(build_arguments.nearest)?,
         ..BuildOptions::default()
@@ -211,6 +214,19 @@ fn merge_graphs(
     merge_arguments: &GraphMergeArguments,
     arguments: &Arguments,
 ) -> Result<(), CliError> {
+    let out = &merge_arguments.out;
+    check_graph_place(out)?;
+    let same = |graph: &&PathBuf| fs::canonicalize(graph).ok() == fs::canonicalize(out).ok();
+    if let Some(graph) = merge_arguments
+        .graphs
+        .iter()
+        .filter(|_| out.exists())
+        .find(same)
+    {
+        return Err(CliError::MergedIntoItself {
+            graph: graph.clone(),
+        });
+    }
     let model = Model::load(&merge_arguments.model, arguments.engine.into())?;
     let folders = GraphFolders::load(&merge_arguments.graphs, &model)?;
     let graphs: Vec<&TopologicalGraph> = folders.graphs.iter().collect();
@@ -230,11 +246,11 @@ fn merge_graphs(
         digests.join("+"),
         serde_json::to_value(&options)?,
     );
-    save_graph(&merge_arguments.out, &merged.graph, &manifest)?;
+    save_graph(out, &merged.graph, &manifest)?;
     println!(
         "{}\nin {}",
         GraphStatistics::new(&merged.graph, LISTED_EDGES),
-        merge_arguments.out.display()
+        out.display()
     );
     if let Some(svg) = &merge_arguments.svg {
         let names: Vec<&str> = tasks.iter().map(|t| t.name.as_str()).collect();

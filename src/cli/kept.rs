@@ -1,8 +1,8 @@
 //! Small files that commands keep.
 
 use std::fs;
-use std::io::Write;
-use std::path::Path;
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -12,19 +12,55 @@ use super::error::CliError;
 use crate::model::indented_json;
 use crate::storage::write_file;
 
-/// What is kept in a file as JSON, if it can be read.
-pub(super) fn kept<T: DeserializeOwned>(file: &Path) -> Option<T> {
-    serde_json::from_slice(&fs::read(file).ok()?).ok()
+/// What is kept in a file as JSON; none where the file is not there.
+pub(super) fn kept<T: DeserializeOwned>(file: &Path) -> Result<Option<T>, CliError> {
+    let text = match fs::read(file) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        text => text.map_err(|source| CliError::Io {
+            path: file.to_owned(),
+            source,
+        })?,
+    };
+    match serde_json::from_slice(&text) {
+        Ok(kept) => Ok(Some(kept)),
+        Err(error) => Err(CliError::CellBroken {
+            file: file.to_owned(),
+            reason: error.to_string(),
+        }),
+    }
 }
 
-/// Whether what a file holds was made of the same ingredients, so that it need not be made again; says so.
-pub(super) fn is_kept<T: DeserializeOwned>(file: &Path, digest: &str) -> bool {
-    let same = kept::<Value>(file).filter(|value| value["digest"] == digest);
-    let is_kept = same.is_some_and(|value| serde_json::from_value::<T>(value).is_ok());
-    if is_kept {
-        println!("kept: {}", file.display());
+/// A file that is to be made of some ingredients.
+pub(super) struct Missing {
+    pub(super) file: PathBuf,
+    /// The digest of the ingredients.
+    pub(super) digest: String,
+}
+
+impl Missing {
+    /// None where the file is there and was made of the same ingredients, so that it need not be made again; says so.
+    ///
+    /// # Errors
+    /// [`CliError::CellOfOthers`] where it was made of others, unless it may be replaced.
+    pub(super) fn unless_kept<T: DeserializeOwned>(
+        file: PathBuf,
+        digest: String,
+        may_replace: bool,
+    ) -> Result<Option<Self>, CliError> {
+        let found =
+            kept::<Value>(&file).or_else(|e| if may_replace { Ok(None) } else { Err(e) })?;
+        let Some(found) = found else {
+            return Ok(Some(Self { file, digest }));
+        };
+        if found["digest"] == digest && kept::<T>(&file).is_ok() {
+            println!("kept: {}", file.display());
+            return Ok(None);
+        }
+        if may_replace {
+            return Ok(Some(Self { file, digest }));
+        }
+        Err(CliError::CellOfOthers { file })
     }
-    is_kept
 }
 
 /// Keeps something in a file as JSON.
@@ -35,4 +71,35 @@ pub(super) fn keep(file: &Path, what: &impl Serialize) -> Result<(), CliError> {
 /// Keeps a text in a file.
 pub(super) fn keep_text(file: &Path, text: &[u8]) -> Result<(), CliError> {
     Ok(write_file(file, |f| f.write_all(text))?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_made_of_other_ingredients_is_not_replaced_unasked() {
+        let place = tempfile::tempdir().unwrap();
+        let file = place.path().join("cell.json");
+        let missing = |digest: &str, may_replace| {
+            Missing::unless_kept::<Value>(file.clone(), digest.to_owned(), may_replace)
+        };
+        assert!(missing("a", false).unwrap().is_some(), "not there");
+        keep(&file, &serde_json::json!({"digest": "a"})).unwrap();
+        assert!(missing("a", false).unwrap().is_none(), "the same");
+        assert!(missing("a", true).unwrap().is_none(), "the same");
+        let refused = missing("b", false).err().unwrap().to_string();
+        assert!(
+            refused.contains("cell.json") && refused.contains("--replace"),
+            "{refused}"
+        );
+        assert!(missing("b", true).unwrap().is_some());
+        fs::write(&file, "{").unwrap();
+        let broken = missing("a", false).err().unwrap().to_string();
+        assert!(
+            broken.contains("cell.json") && broken.contains("line 1"),
+            "{broken}"
+        );
+        assert!(missing("a", true).unwrap().is_some());
+    }
 }

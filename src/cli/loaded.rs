@@ -122,7 +122,8 @@ pub(super) struct Loaded {
     pub(super) composition: Composition,
     pub(super) model: Model,
     pub(super) graph: Arc<TopologicalGraph>,
-    pub(super) images: Vec<GraphImages>,
+    /// In the order of all its tasks.
+    images: Vec<GraphImages>,
     pub(super) merge_report: MergeReport,
 }
 
@@ -140,6 +141,9 @@ impl Loaded {
         arguments: &Arguments,
     ) -> Result<Self, CliError> {
         composition.check_files()?;
+        if is_bedroom(&composition) {
+            bedroom(&composition)?;
+        }
         let model = load_model(&composition, arguments)?;
         let folders: Vec<PathBuf> = composition.all_tasks().map(|t| t.graph.clone()).collect();
         let mut loaded = GraphFolders::load(&folders, &model)?;
@@ -168,6 +172,13 @@ impl Loaded {
             images,
             merge_report: merged.1,
         })
+    }
+
+    /// The pictures of a task's graph. Ids of demonstrations tell them apart within a task only.
+    pub(super) fn images_of(&self, task: &str) -> Option<&GraphImages> {
+        let mut of_graphs = self.composition.all_tasks().zip(&self.images);
+        let (_, images) = of_graphs.find(|(of, _)| of.task.name == task)?;
+        Some(images)
     }
 
     /// A planner with these options.
@@ -248,6 +259,12 @@ pub(super) fn graph_digests(composition: &Composition) -> Result<Vec<String>, Cl
         Ok(format!("{}:{digest}", task.task.name))
     };
     composition.all_tasks().map(digest).collect()
+}
+
+/// Whether a composition's world is the simulated bedroom; robots of one's own may have another, or none.
+fn is_bedroom(composition: &Composition) -> bool {
+    let world = composition.environment.as_ref();
+    world.is_some_and(|world| world.kind.value == "bedroom")
 }
 
 /// The bedroom that a composition starts in.

@@ -354,12 +354,8 @@ impl Recorder<'_> {
     /// looked when it was demonstrated; none where the graph has no pictures.
     fn goal_observation(&self, node: NodeId) -> Option<Observation> {
         let node = self.loaded.graph.node(node);
-        let at = |step: u32, camera: &str| {
-            let images = &self.loaded.images;
-            images
-                .iter()
-                .find_map(|i| i.image(&node.trajectory, step, camera).ok().flatten())
-        };
+        let images = self.loaded.images_of(&node.task)?;
+        let at = |step: u32, camera: &str| images.image(&node.trajectory, step, camera).ok()?;
         let image = |camera: &str| {
             (0..PICTURE_EVERY_STEPS).find_map(|off| {
                 at(node.step.saturating_sub(off), camera).or_else(|| at(node.step + off, camera))

@@ -9,8 +9,9 @@ use super::loaded::Loaded;
 use super::record::bedroom_task;
 use crate::experiment::{ScoredBedroom, ShortcutDetection, Skipper, Watched};
 use crate::planner::{Planner, PlannerOptions};
-use crate::rollout::{Monitor, Rollout};
+use crate::rollout::{Monitor, Rollout, RolloutError};
 use crate::simulator::{Bedroom, BedroomConfig, BedroomTask};
+use crate::task::Automaton;
 use crate::wording::counted;
 
 /// The target of `catena evaluate` that stands for this evaluation.
@@ -100,15 +101,20 @@ pub(super) fn evaluate_shortcuts(
     let alone = Loaded::load(&last.unwrap_or_default(), arguments)?;
     let tasks = loaded.composition.automaton.tasks().iter();
     let tasks = tasks.map(|task| bedroom_task(task));
+    let in_order = loaded.planner(loaded.composition.planner.clone())?;
+    let papers_way = loaded.planner(PlannerOptions::paper())?;
+    let last_task = alone.planner(options(&alone, evaluate_arguments.planner))?;
+    let nearest_states = evaluate_arguments.nearest_states;
+    let watching = loaded.rollout_options(nearest_states);
     let stage = Stage {
         bedroom: bedroom(&loaded, evaluate_arguments)?,
-        in_order: loaded.planner(loaded.composition.planner.clone())?,
-        papers_way: loaded.planner(PlannerOptions::paper())?,
-        last_task: alone.planner(options(&alone, evaluate_arguments.planner))?,
-        loaded: &loaded,
-        alone: &alone,
+        monitor: Monitor::new(loaded.rollout_model(), &in_order, &watching)?,
+        in_order: rollout(&loaded, in_order, nearest_states)?,
+        papers_way: rollout(&loaded, papers_way, nearest_states)?,
+        last_task: rollout(&alone, last_task, nearest_states)?,
+        judged: loaded.composition.demonstrated_automaton(),
+        max_steps: watching.max_steps,
         tasks: tasks.collect::<Result<_, _>>()?,
-        nearest_states: evaluate_arguments.nearest_states,
     };
     let first = evaluate_arguments.seed;
     let drives = Drive::of(evaluate_arguments.planner);
@@ -133,39 +139,45 @@ pub(super) fn evaluate_shortcuts(
     Ok(())
 }
 
+/// What drives along a planner's composition.
+fn rollout(
+    driver: &Loaded,
+    planner: Planner,
+    nearest_states: Option<usize>,
+) -> Result<Rollout<'_>, RolloutError> {
+    let options = driver.rollout_options(nearest_states);
+    Rollout::new(driver.rollout_model(), planner, options)
+}
+
 /// What all episodes share.
 struct Stage<'a> {
     bedroom: BedroomConfig,
-    in_order: Planner,
-    papers_way: Planner,
-    last_task: Planner,
-    loaded: &'a Loaded,
-    alone: &'a Loaded,
+    monitor: Monitor<'a>,
+    in_order: Rollout<'a>,
+    papers_way: Rollout<'a>,
+    last_task: Rollout<'a>,
+    judged: Automaton,
+    /// Steps of an operator who skips, at most.
+    max_steps: usize,
     tasks: Vec<BedroomTask>,
-    nearest_states: Option<usize>,
 }
 
 impl Stage<'_> {
     fn episode(&self, seed: u64, drive: Drive) -> Result<ShortcutEpisode, CliError> {
-        let (driver, planner) = match drive {
-            Drive::InOrder | Drive::Skipper => (self.loaded, &self.in_order),
-            Drive::PapersWay => (self.loaded, &self.papers_way),
-            Drive::LastTask => (self.alone, &self.last_task),
+        let mut watched = Watched::new(self.monitor.clone());
+        let mut room = ScoredBedroom::new(Bedroom::new(self.bedroom), &self.judged);
+        let rollout = match drive {
+            Drive::InOrder => Some(&self.in_order),
+            Drive::PapersWay => Some(&self.papers_way),
+            Drive::LastTask => Some(&self.last_task),
+            Drive::Skipper => None,
         };
-        let options = driver.rollout_options(self.nearest_states);
-        let mut watched = Watched::new(Monitor::new(
-            self.loaded.rollout_model(),
-            &self.in_order,
-            &options,
-        )?);
-        let automaton = &self.loaded.composition.demonstrated_automaton();
-        let mut room = ScoredBedroom::new(Bedroom::new(self.bedroom), automaton);
-        let steps = if drive == Drive::Skipper {
-            let skipper = Skipper::new(self.tasks.clone(), seed);
-            skipper.drive(&mut room, options.max_steps, |seen| watched.look(seen))?
-        } else {
-            let mut rollout = Rollout::new(driver.rollout_model(), planner.clone(), options)?;
-            rollout.run(&mut room, seed, &mut watched)?.steps
+        let steps = match rollout {
+            Some(rollout) => rollout.clone().run(&mut room, seed, &mut watched)?.steps,
+            None => {
+                Skipper::new(self.tasks.clone(), seed)
+                    .drive(&mut room, self.max_steps, |seen| watched.look(seen))?
+            }
         };
         Ok(ShortcutEpisode {
             seed,

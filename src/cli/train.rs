@@ -8,7 +8,7 @@ use super::baseline::{method_of, train_method};
 use super::error::CliError;
 use super::loaded::{read_demonstrations, read_options};
 use super::progress;
-use super::training_config::{preset, training_config, write_run};
+use super::training_config::{training_config, write_run, written_config};
 use crate::inference::Model;
 use crate::storage::{ReadOptions, Recordings};
 use crate::training::{
@@ -29,8 +29,8 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
     if let Some(model) = &arguments.keep_networks {
         return practise(arguments, all, model);
     }
-    // A wrong name is told before the demonstrations are read.
-    preset(arguments)?;
+    // What is wrong in it is told before the demonstrations are read.
+    let config = written_config(arguments)?;
     let Prepared {
         sets,
         mut digests,
@@ -41,7 +41,7 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
         runs: &runs,
         demonstrations: &sets,
     };
-    let config = training_config(arguments, &sets)?;
+    let config = training_config(config, arguments, &sets)?;
     config.check()?;
     if !runs.is_empty() {
         practice.check(&config)?;
@@ -149,6 +149,11 @@ pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError>
         .unwrap_or_else(|| beside(&arguments.out));
     if !arguments.resume && run_folder.join(CHECKPOINT).exists() {
         return Err(CliError::RunExists { run: run_folder });
+    }
+    if arguments.out.is_file() {
+        return Err(CliError::OutIsFile {
+            path: arguments.out.clone(),
+        });
     }
     let (sets, digests) = load_sets(
         &arguments.demos,

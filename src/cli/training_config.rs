@@ -13,7 +13,7 @@ use super::error::CliError;
 use super::kept::keep;
 use super::revision::revision;
 use crate::model::BaselineMethod;
-use crate::storage::read_values;
+use crate::storage::{nearest, read_values};
 use crate::training::{BaselineConfig, NetworkVariant, Preset, TrainingConfig, training_device};
 use crate::trajectory::DemonstrationSet;
 
@@ -22,15 +22,21 @@ const CONFIG: &str = "config.json";
 /// Which program trained on what.
 const RECORD: &str = "run.json";
 
-/// The preset, with the values of a file in their places, and with what the flags say.
+/// The preset, with the values of a file in their places.
+pub(super) fn written_config(arguments: &TrainArguments) -> Result<TrainingConfig, CliError> {
+    let config = preset(arguments)?.config();
+    match &arguments.config {
+        Some(file) => overridden(&config, file),
+        None => Ok(config),
+    }
+}
+
+/// The same with what the flags say.
 pub(super) fn training_config(
+    mut config: TrainingConfig,
     arguments: &TrainArguments,
     sets: &[DemonstrationSet],
 ) -> Result<TrainingConfig, CliError> {
-    let mut config = preset(arguments)?.config();
-    if let Some(file) = &arguments.config {
-        config = overridden(&config, file)?;
-    }
     config.seed = arguments.seed.unwrap_or(config.seed);
     config.max_minutes = arguments.minutes.or(config.max_minutes);
     config.steps = arguments.steps.map_or(config.steps, |steps| steps as u64);
@@ -92,9 +98,68 @@ fn overridden<C: Serialize + DeserializeOwned>(config: &C, file: &Path) -> Resul
     if !values.is_object() {
         return Err(failed("it holds no names with values".to_owned()));
     }
-    let mut whole = serde_json::to_value(config)?;
-    put(&mut whole, values);
-    serde_json::from_value(whole).map_err(|e| failed(e.to_string()))
+    let base = serde_json::to_value(config)?;
+    let with = |values: Value| {
+        let mut whole = base.clone();
+        put(&mut whole, values);
+        serde_json::from_value::<C>(whole)
+    };
+    let Err(together) = with(values.clone()) else {
+        return Ok(with(values)?);
+    };
+    let (mut given, mut known) = (Vec::new(), Vec::new());
+    leaves(&values, &[], &mut given);
+    leaves(&base, &[], &mut known);
+    let known: Vec<String> = known
+        .into_iter()
+        .map(|(names, _)| names.join("."))
+        .collect();
+    let faults = given.iter().filter_map(|(names, value)| {
+        let alone = names.iter().rev().fold((*value).clone(), |value, name| {
+            Value::Object([(name.clone(), value)].into_iter().collect())
+        });
+        let fault = with(alone).err()?.to_string();
+        Some(fault_of(&names.join("."), &fault, &known))
+    });
+    let faults: Vec<String> = faults.collect();
+    Err(failed(if faults.is_empty() {
+        together.to_string()
+    } else {
+        faults.join("; ")
+    }))
+}
+
+/// What is wrong with a value, by its whole name.
+fn fault_of(name: &str, fault: &str, known: &[String]) -> String {
+    if !fault.starts_with("unknown field") {
+        return format!("{name}: {fault}");
+    }
+    let last = |name: &str| name.rsplit('.').next().unwrap_or_default().to_owned();
+    let meant = nearest(name, known.iter().map(String::as_str));
+    let of_same_end = || {
+        let ends: Vec<String> = known.iter().map(|known| last(known)).collect();
+        let end = nearest(&last(name), ends.iter().map(String::as_str))?.to_owned();
+        known
+            .iter()
+            .map(String::as_str)
+            .find(|known| last(known) == end)
+    };
+    match meant.or_else(of_same_end) {
+        Some(meant) => format!("there is no '{name}', did you mean '{meant}'?"),
+        None => format!("there is no '{name}'"),
+    }
+}
+
+/// Adds the values that hold no others, with the names that lead to them.
+fn leaves<'a>(of: &'a Value, names: &[String], found: &mut Vec<(Vec<String>, &'a Value)>) {
+    match of {
+        Value::Object(values) if !values.is_empty() => {
+            for (name, value) in values {
+                leaves(value, &[names, std::slice::from_ref(name)].concat(), found);
+            }
+        }
+        _ => found.push((names.to_vec(), of)),
+    }
 }
 
 /// Puts values in the places of those of the same name. Names that are not there are added, for the
@@ -164,6 +229,24 @@ mod tests {
         assert_eq!(config, expected);
         let whole = serde_json::to_string(&config).unwrap();
         assert_eq!(overridden(&preset, file(&whole).path()).unwrap(), config);
+    }
+
+    #[test]
+    fn all_faults_are_told_with_their_names_and_what_was_meant() {
+        let preset = Preset::Tiny.config();
+        let text = "stepps: 5\nlearning_rat: 0.1\nsampling: {states: -4, windw: 3}\nseed: 7\n";
+        let message = overridden(&preset, file(text).path())
+            .unwrap_err()
+            .to_string();
+        for part in [
+            "no 'stepps', did you mean 'steps'?",
+            "no 'learning_rat', did you mean 'optimiser.learning_rate'?",
+            "sampling.states: invalid value: integer `-4`",
+            "no 'sampling.windw', did you mean 'sampling.window'?",
+        ] {
+            assert!(message.contains(part), "{part} is not in {message}");
+        }
+        assert!(!message.contains("seed"), "{message}");
     }
 
     #[test]

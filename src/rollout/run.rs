@@ -20,6 +20,9 @@ pub struct RolloutModel<'a> {
 }
 
 /// A composition, ready to be run again and again.
+///
+/// A clone shares the graph, what was computed of it, and the model, and runs episodes of its own.
+#[derive(Clone)]
 pub struct Rollout<'a> {
     model: RolloutModel<'a>,
     controller: Controller<'a>,

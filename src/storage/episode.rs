@@ -398,8 +398,13 @@ const fn json_schema(name: &'static str, text: &'static str) -> Schema<'static> 
 }
 
 fn write_error(path: &Path, error: &McapError) -> StorageError {
+    let reason = match error {
+        // The library's own words leave out what happened, such as a full disk.
+        McapError::Io(source) => source.to_string(),
+        other => other.to_string(),
+    };
     StorageError::Write {
         path: path.to_owned(),
-        reason: error.to_string(),
+        reason,
     }
 }

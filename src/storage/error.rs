@@ -192,6 +192,18 @@ pub enum StorageError {
         /// The folder.
         path: PathBuf,
     },
+    /// What a graph would replace is no graph.
+    #[error(
+        "{path} {what}, and a graph would replace it: name a folder of its own, one that is empty or not there, or one \
+         with a graph",
+        path = path.display()
+    )]
+    NoGraphToReplace {
+        /// The place.
+        path: PathBuf,
+        /// What is there.
+        what: String,
+    },
     /// Recordings cannot be written as one dataset.
     #[error("{recording} cannot be part of the dataset: {reason}")]
     Conversion {

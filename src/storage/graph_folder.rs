@@ -1,17 +1,55 @@
 //! Graphs as folders: two tables, optional pictures, and a manifest.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::graph_images::{self, GraphImage};
 use super::replace::{replace_folder, settle_folder};
 use super::tables::{self, ADVICE, EdgeReader, EdgeWriter};
-use super::{GraphManifest, StorageError};
+use super::{GraphManifest, StorageError, manifest};
 use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph};
 
 /// The table of nodes.
 const NODES: &str = "nodes.parquet";
 /// The table of edges.
 const EDGES: &str = "edges.parquet";
+/// All that a graph's folder may hold.
+const FILES: [&str; 4] = [NODES, EDGES, graph_images::FILE_NAME, manifest::FILE_NAME];
+
+/// Checks that a graph can be saved at a place without anything else being lost: that it is not there, empty, or a
+/// graph.
+///
+/// # Errors
+/// [`StorageError::NoGraphToReplace`] with what is there instead, [`StorageError::Io`] when it cannot be looked at.
+pub fn check_graph_place(folder: &Path) -> Result<(), StorageError> {
+    let refused = |what: String| {
+        Err(StorageError::NoGraphToReplace {
+            path: folder.to_owned(),
+            what,
+        })
+    };
+    if folder.file_name().is_none() {
+        return refused("is where other things are, too".to_owned());
+    }
+    if !folder.exists() {
+        return Ok(());
+    }
+    if !folder.is_dir() {
+        return refused("is a file".to_owned());
+    }
+    for entry in fs::read_dir(folder).map_err(StorageError::io("read", folder))? {
+        let entry = entry.map_err(StorageError::io("read", folder))?;
+        let name = entry.file_name();
+        let is_of_graph = FILES.iter().any(|file| name.to_str() == Some(file));
+        if !is_of_graph {
+            return refused(format!(
+                "holds {}, which is no part of a graph",
+                name.display()
+            ));
+        }
+    }
+    Ok(())
+}
 
 /// Saves a graph as a folder, whole or not at all; a graph that is there is replaced.
 ///
@@ -21,7 +59,8 @@ const EDGES: &str = "edges.parquet";
 /// the same bytes.
 ///
 /// # Errors
-/// [`StorageError::Io`] or [`StorageError::Table`] when a file cannot be written.
+/// [`StorageError::Io`] or [`StorageError::Table`] when a file cannot be written, and those of
+/// [`check_graph_place`].
 pub fn save_graph(
     folder: &Path,
     graph: &TopologicalGraph,
@@ -89,6 +128,7 @@ fn save(
     images: impl IntoIterator<Item = GraphImage>,
     write: impl Fn(&mut EdgeWriter) -> Result<usize, StorageError>,
 ) -> Result<GraphManifest, StorageError> {
+    check_graph_place(folder)?;
     let mut saved = manifest.clone();
     replace_folder(folder, |draft| {
         tables::write_nodes(&draft.join(NODES), graph)?;

@@ -13,7 +13,7 @@ use crate::task::{Subgoal, Task};
 /// Version of the folder's format; another one is refused.
 const FORMAT_VERSION: u32 = 1;
 /// The manifest's name in a graph folder.
-const FILE_NAME: &str = "manifest.json";
+pub(super) const FILE_NAME: &str = "manifest.json";
 
 /// What a graph was made from and which files hold it: `manifest.json` of a graph folder.
 ///

@@ -13,6 +13,7 @@ use super::{StorageError, nearest};
 use crate::trajectory::{ActionSpace, Binning};
 
 pub(super) use actions::ActionShape;
+pub(crate) use read::MAX_BINS;
 pub(super) use spec::{Combine, Size};
 
 /// A mapping file that is sound in itself.

@@ -5,7 +5,16 @@ use serde_json::Value;
 /// # Errors
 /// What is wrong with the text, with its line and column.
 pub fn read_values(text: &str) -> Result<Value, String> {
-    serde_yaml::from_str(text).map_err(|error| error.to_string())
+    serde_yaml::from_str(text).map_err(|error| {
+        let message = error.to_string();
+        let fault = message.lines().next().unwrap_or_default();
+        let fault = fault.strip_prefix("error: ").unwrap_or(fault);
+        // What follows is said to whoever calls the parser.
+        let end = fault
+            .find(", set DuplicateKeyPolicy")
+            .unwrap_or(fault.len());
+        fault[..end].to_owned()
+    })
 }
 
 #[cfg(test)]
@@ -18,6 +27,14 @@ mod tests {
         let json = read_values(r#"{"a": {"b": 0.5}, "c": [1, "x"]}"#).unwrap();
         assert_eq!(yaml, json);
         let message = read_values("a: 1\nb: [").unwrap_err();
-        assert!(message.contains("line"), "{message}");
+        assert!(
+            message.contains("line") && message.lines().count() == 1,
+            "{message}"
+        );
+        let twice = read_values("a: 1\na: 2\n").unwrap_err();
+        assert!(
+            twice.starts_with("line 2") && twice.ends_with("key: a"),
+            "{twice}"
+        );
     }
 }

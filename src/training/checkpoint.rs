@@ -2,11 +2,12 @@
 //! averages so far, the optimiser's state and where the training is. Nothing random needs storing,
 //! since every step draws from the seed and its own number.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 use super::course::Progress;
 use super::weights::NamedWeights;
@@ -64,6 +65,34 @@ pub struct BestSoFar {
     pub metrics: ValidationMetrics,
     /// The temperature that calibrates them.
     pub temperature: f32,
+}
+
+/// In which values a checkpoint's configuration differs from the one that is wanted.
+pub fn differing_configurations(found: &impl Serialize, wanted: &impl Serialize) -> String {
+    let tree = |config: serde_json::Result<Value>| config.unwrap_or_default();
+    let mut differing = Vec::new();
+    let (found, wanted) = (serde_json::to_value(found), serde_json::to_value(wanted));
+    differences("", &tree(found), &tree(wanted), &mut differing);
+    format!("configurations ({})", differing.join(", "))
+}
+
+fn differences(name: &str, found: &Value, wanted: &Value, differing: &mut Vec<String>) {
+    let (Value::Object(of_found), Value::Object(of_wanted)) = (found, wanted) else {
+        if found != wanted {
+            differing.push(format!("{name} is {found} there and {wanted} here"));
+        }
+        return;
+    };
+    let names: BTreeSet<&String> = of_found.keys().chain(of_wanted.keys()).collect();
+    for key in names {
+        let name = if name.is_empty() {
+            key.clone()
+        } else {
+            format!("{name}.{key}")
+        };
+        let of = |values: &Map<String, Value>| values.get(key).cloned().unwrap_or_default();
+        differences(&name, &of(of_found), &of(of_wanted), differing);
+    }
 }
 
 #[derive(Serialize, Deserialize)]

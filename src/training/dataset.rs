@@ -8,7 +8,7 @@ use super::missed_grasps::{lasting_events, missed_grasps};
 use super::{ImitationConfig, TrainingError};
 use crate::task::{GripperEvent, GripperSignal};
 use crate::trajectory::{
-    ActionSpace, CameraSpec, DemonstrationSet, Observation, State, Trajectory,
+    ActionSpace, CameraSpec, DemonstrationSet, Observation, State, Trajectory, printed_cameras,
 };
 
 /// One state of a [`Dataset`]: a step of one of its trajectories.
@@ -94,7 +94,7 @@ impl Dataset {
         {
             return Err(TrainingError::CameraUnknown {
                 camera: unknown.clone(),
-                present: printed(&self.cameras),
+                present: printed_cameras(&self.cameras),
             });
         }
         if !cameras.is_empty() {
@@ -278,15 +278,26 @@ impl Dataset {
         }
     }
 
-    /// A fingerprint of all images and actions, to notice that a checkpoint belongs to others. Not
-    /// cryptographic, since it is computed over all pixels at every start.
+    /// A fingerprint of all images, actions and markers, and of what is in which set, to notice that a checkpoint
+    /// belongs to others. Not cryptographic, since it is computed over all pixels at every start.
     #[must_use]
     pub fn fingerprint(&self) -> String {
         const PRIME: u64 = 0x0000_0100_0000_01b3;
         let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
         let mut add = |word: u64| hash = (hash ^ word).wrapping_mul(PRIME).rotate_left(23);
+        let cameras = self.cameras.iter().map(|camera| &camera.name);
+        for name in self.tasks.iter().chain(cameras) {
+            add(name.len() as u64);
+            name.bytes().for_each(|byte| add(u64::from(byte)));
+        }
         for trajectory in 0..self.trajectory_count() as u32 {
-            add(self.steps(trajectory) as u64);
+            let Labelled { set, markers, .. } = &self.trajectories[trajectory as usize];
+            for number in [*set, self.steps(trajectory), markers.len()]
+                .iter()
+                .chain(markers)
+            {
+                add(*number as u64);
+            }
             for state in self.states_of(&[trajectory]) {
                 for (_, image) in self.observation(state).iter() {
                     for bytes in image.rgb().chunks(8) {
@@ -314,9 +325,9 @@ fn check_same_kind(first: &DemonstrationSet, set: &DemonstrationSet) -> Result<(
     if set.cameras() != first.cameras() {
         return Err(TrainingError::CamerasDiffer {
             first_set: first.task().to_owned(),
-            expected: printed(&first.cameras()),
+            expected: printed_cameras(&first.cameras()),
             set: set.task().to_owned(),
-            found: printed(&set.cameras()),
+            found: printed_cameras(&set.cameras()),
         });
     }
     if set.action_space() != first.action_space() {
@@ -328,14 +339,6 @@ fn check_same_kind(first: &DemonstrationSet, set: &DemonstrationSet) -> Result<(
         });
     }
     Ok(())
-}
-
-fn printed(cameras: &[CameraSpec]) -> String {
-    let each: Vec<String> = cameras
-        .iter()
-        .map(|c| format!("{} {}x{}", c.name, c.height, c.width))
-        .collect();
-    format!("[{}]", each.join(", "))
 }
 
 fn labelled(

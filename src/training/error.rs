@@ -207,14 +207,14 @@ pub enum TrainingError {
     },
     /// The checkpoint was written for other demonstrations or another configuration.
     #[error(
-        "the checkpoint {path} belongs to another training: its {what} differ; use another run folder \
+        "the checkpoint {path} belongs to another training: its {what} differ; give the same, use another run folder, \
          or delete it"
     )]
     CheckpointOfAnother {
         /// The file.
         path: PathBuf,
         /// What differs.
-        what: &'static str,
+        what: String,
     },
     /// A file or folder could not be read or written.
     #[error("cannot {action} {path}: {source}")]

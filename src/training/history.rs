@@ -1,7 +1,8 @@
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
+use super::export::write_beside;
 use super::{StepLosses, TrainingError};
 use crate::model::ValidationMetrics;
 
@@ -95,7 +96,18 @@ impl LossTable {
     pub fn open(run_folder: &Path, header: &str, step: u64) -> Result<Self, TrainingError> {
         let path = run_folder.join("losses.csv");
         let commas = header.matches(',').count();
-        let kept = fs::read_to_string(&path).unwrap_or_default();
+        let failed = |action| {
+            let path = path.clone();
+            move |source| TrainingError::Io {
+                action,
+                path,
+                source,
+            }
+        };
+        let kept = match fs::read_to_string(&path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => String::new(),
+            kept => kept.map_err(failed("read"))?,
+        };
         let mut text = String::from(header);
         for line in kept.lines().skip(1) {
             let number = line.split(',').next().and_then(|n| n.parse::<u64>().ok());
@@ -104,13 +116,9 @@ impl LossTable {
                 text.push('\n');
             }
         }
-        let failed = |source| TrainingError::Io {
-            action: "write",
-            path: path.clone(),
-            source,
-        };
-        let mut file = BufWriter::new(File::create(&path).map_err(failed)?);
-        file.write_all(text.as_bytes()).map_err(failed)?;
+        write_beside(&path, text.as_bytes())?;
+        let end = File::options().append(true).open(&path);
+        let file = BufWriter::new(end.map_err(failed("write"))?);
         Ok(Self { path, file })
     }
 
@@ -160,6 +168,12 @@ mod tests {
         fs::write(&path, torn).unwrap();
 
         let mut history = History::open(folder.path(), 3).unwrap();
+        let kept = fs::read_to_string(&path).unwrap();
+        assert_eq!(
+            kept.lines().count(),
+            4,
+            "a kill now loses none of the rows before"
+        );
         let metrics = ValidationMetrics::default();
         history.add(4, 1e-3, &losses, Some(&metrics)).unwrap();
         let text = fs::read_to_string(&path).unwrap();

@@ -5,7 +5,7 @@ use burn::tensor::Device;
 
 use super::augmentation::check_mirror;
 use super::batch::{Batcher, Pictures, StepInput};
-use super::checkpoint::{BestSoFar, Checkpoint, TrainingState};
+use super::checkpoint::{BestSoFar, Checkpoint, TrainingState, differing_configurations};
 use super::course::{self, Course, Pace, Progress, Sizes};
 use super::evaluation::{ValidationSet, encode, values};
 use super::history::History;
@@ -124,6 +124,9 @@ impl<'a> Run<'a> {
             demonstrations: data.fingerprint(),
         };
         let checkpoint = <Checkpoint>::load(run_folder)?;
+        if let Some(checkpoint) = &checkpoint {
+            check_same(&checkpoint.state, &state, run_folder)?;
+        }
         let done = checkpoint.as_ref().map_or(0, |c| c.state.progress.step);
         let mut run = Self {
             data,
@@ -140,30 +143,13 @@ impl<'a> Run<'a> {
             history: History::open(run_folder, done)?,
         };
         if let Some(checkpoint) = checkpoint {
-            run.resume(checkpoint)?;
+            let found = (run.learner).resume(checkpoint, &config.optimiser, run_folder)?;
+            run.state = TrainingState {
+                config: config.clone(),
+                ..found
+            };
         }
         Ok(run)
-    }
-
-    fn resume(&mut self, checkpoint: Checkpoint) -> Result<(), TrainingError> {
-        let another = |what| TrainingError::CheckpointOfAnother {
-            path: <Checkpoint>::path(self.folder),
-            what,
-        };
-        // The time limit may be changed: it says when to stop, not what to learn.
-        let mut config = checkpoint.state.config.clone();
-        config.max_minutes = self.state.config.max_minutes;
-        if config != self.state.config {
-            return Err(another("configurations"));
-        }
-        if checkpoint.state.demonstrations != self.state.demonstrations {
-            return Err(another("demonstrations"));
-        }
-        let found = self
-            .learner
-            .resume(checkpoint, &config.optimiser, self.folder)?;
-        self.state = TrainingState { config, ..found };
-        Ok(())
     }
 
     fn train(
@@ -320,6 +306,27 @@ impl Course for Run<'_> {
         self.learner
             .write_checkpoint(state, step, self.folder, observer)
     }
+}
+
+/// Refuses the checkpoint of another training. The time limit may be changed: it says when to stop, not what to learn.
+fn check_same(
+    found: &TrainingState,
+    wanted: &TrainingState,
+    folder: &Path,
+) -> Result<(), TrainingError> {
+    let mut config = found.config.clone();
+    config.max_minutes = wanted.config.max_minutes;
+    let what = if config != wanted.config {
+        differing_configurations(&config, &wanted.config)
+    } else if found.demonstrations != wanted.demonstrations {
+        "demonstrations".to_owned()
+    } else {
+        return Ok(());
+    };
+    Err(TrainingError::CheckpointOfAnother {
+        path: <Checkpoint>::path(folder),
+        what,
+    })
 }
 
 /// What a model says of its landmarks, with how well it sees them in all demonstrations that it was trained on, and how far

@@ -2,7 +2,9 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Action, ActionSpace, CameraSpec, Observation, State, TrajectoryError};
+use super::{
+    Action, ActionSpace, CameraSpec, Observation, State, TrajectoryError, printed_cameras,
+};
 
 /// One time step: what was seen, and what was done then.
 #[derive(Clone, Debug, PartialEq)]
@@ -107,8 +109,8 @@ impl DemonstrationSet {
             };
             if t.cameras() != first.cameras() {
                 return Err(disagrees(
-                    format!("cameras {:?}", first.cameras()),
-                    format!("cameras {:?}", t.cameras()),
+                    format!("cameras {}", printed_cameras(&first.cameras())),
+                    format!("cameras {}", printed_cameras(&t.cameras())),
                 ));
             }
             if t.action_space != first.action_space {

@@ -101,6 +101,15 @@ pub struct CameraSpec {
     pub width: u32,
 }
 
+/// Cameras with their sizes, for messages.
+pub(crate) fn printed_cameras(cameras: &[CameraSpec]) -> String {
+    let each: Vec<String> = cameras
+        .iter()
+        .map(|c| format!("{} {}x{}", c.name, c.height, c.width))
+        .collect();
+    format!("[{}]", each.join(", "))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

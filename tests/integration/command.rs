@@ -424,3 +424,62 @@ fn a_wrong_composition_is_refused_with_its_line() {
     let said = text(&output.stderr);
     assert!(said.contains("unknown_task.yaml"), "{said}");
 }
+
+#[test]
+fn what_would_be_lost_is_refused_before_anything_is_done() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    fs::create_dir(at("precious")).expect("a folder");
+    fs::write(at("precious/thesis.tex"), "years").expect("a file");
+    fs::create_dir(at("trash")).expect("a folder");
+    for (name, bytes) in bytes_of(&root().join("graphs/bedroom/trash")) {
+        fs::write(at("trash").join(name), bytes).expect("a copy");
+    }
+    let before = bytes_of(&at("trash"));
+    let merged_into = |out: &Path| {
+        let trash = at("trash");
+        let graphs = ["graph", "merge", path(&trash), "graphs/bedroom/wine"];
+        let words = ["--model", "graphs/bedroom/model", "--out", path(out)];
+        let output = catena(&[graphs, words].concat());
+        assert!(!output.status.success());
+        text(&output.stderr)
+    };
+    let said = merged_into(&at("precious"));
+    assert!(said.contains("holds thesis.tex"), "{said}");
+    let said = merged_into(&at("trash"));
+    assert!(said.contains("is one of the graphs to be merged"), "{said}");
+    assert_eq!(bytes_of(&at("trash")), before);
+    assert!(at("precious/thesis.tex").exists());
+}
+
+#[test]
+fn numbers_that_measure_nothing_are_refused_by_name() {
+    let refused = |words: &[&str]| {
+        let output = catena(words);
+        assert!(!output.status.success(), "{words:?}");
+        text(&output.stderr)
+    };
+    let numbers = [
+        (&["evaluate", "sock", "--episodes", "0"][..], "--episodes"),
+        (&["experiment", "chaining", "--episodes", "0"], "--episodes"),
+        (
+            &["experiment", "fig6", "--demonstrations", "0"],
+            "--demonstrations",
+        ),
+        (&["experiment", "table1", "--steps", "0"], "--steps"),
+        (
+            &["train", "demos", "--out", "model", "--minutes=-5"],
+            "--minutes",
+        ),
+        (
+            &["train", "demos", "--out", "model", "--bins", "0"],
+            "--bins",
+        ),
+    ];
+    for (words, flag) in numbers {
+        let said = refused(words);
+        assert!(said.contains(flag), "{words:?}: {said}");
+    }
+    let said = refused(&["evaluate", "sock", "--composition", "chain.yaml"]);
+    assert!(said.contains("catena evaluate chain.yaml"), "{said}");
+}

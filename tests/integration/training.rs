@@ -175,8 +175,19 @@ fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
         both.contains("kept: ") && both.contains("--camera wrist"),
         "{both}"
     );
-    let log = work.join("only_wrist_2_seed1_steps3/log.txt");
-    let log = fs::read_to_string(log).expect("what a job beside others prints");
+    let folders_of = |method: &str| -> Vec<PathBuf> {
+        let entries = fs::read_dir(&work).expect("the folder is there").flatten();
+        let is_of = |entry: &fs::DirEntry| {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            name.starts_with(&format!("{method}_2_")) && name.ends_with("_seed1_steps3")
+        };
+        entries.filter(is_of).map(|entry| entry.path()).collect()
+    };
+    let [of_wrist] = &folders_of("only_wrist")[..] else {
+        panic!("a folder of the training");
+    };
+    let log = fs::read_to_string(of_wrist.join("log.txt"));
+    let log = log.expect("what a job beside others prints");
     assert!(
         log.contains("states to train on") && !both.contains("states to train on"),
         "{log}"
@@ -210,13 +221,40 @@ fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
         text(&output.stderr)
     };
     let missing = at("none.onnx");
+    let refused_at_once = ["--demonstrations", "2", "--frozen-encoder", path(&missing)];
+    let said = refused(&refused_at_once);
+    assert!(said.contains("none.onnx: No such file"), "{said}");
+    fs::write(&missing, "no network").expect("writing a file");
     let beside = ["--demonstrations", "2", "--jobs", "2"];
     let without_encoder = ["--methods", "mvp", "--frozen-encoder", path(&missing)];
     let said = refused(&[&beside[..], &without_encoder].concat());
     assert!(
-        said.contains("log.txt") && said.contains("none.onnx: No such file"),
+        said.contains("log.txt") && said.contains("none.onnx"),
         "a job beside others says why it failed: {said}"
     );
     let said = refused(&["--demonstrations", "5"]);
-    assert!(said.contains("has 2 recordings"), "{said}");
+    assert!(said.contains("has 2 MCAP recordings"), "{said}");
+
+    // Other recordings are another training, and do not replace what was measured unasked.
+    fs::remove_dir_all(demos.join("wine")).expect("removing recordings");
+    fs::rename(demos.join("trash"), demos.join("wine")).expect("renaming recordings");
+    recorded(&at("demos"), "trash", "2");
+    let words = ["fig5", "--quick", "--steps", "3", "--methods", "siamese"];
+    let words = [&["experiment"], &words[..], &["--demos", path(&demos)]].concat();
+    let places = ["--work", path(&work), "--out", path(&out)];
+    let words = [&words[..], &places].concat();
+    let fig5 = |more: &[&str]| catena(&[&words[..], more].concat());
+    let said = text(&fig5(&["--demonstrations", "2"]).stderr);
+    assert!(
+        said.contains("siamese_seed1.json") && said.contains("--replace"),
+        "{said}"
+    );
+    let said = text(&fig5(&["--demonstrations", "1,2"]).stderr);
+    assert!(said.contains("one number of demonstrations"), "{said}");
+    assert!(
+        fig5(&["--demonstrations", "2", "--replace"])
+            .status
+            .success()
+    );
+    assert_eq!(folders_of("siamese").len(), 2);
 }

@@ -1,9 +1,11 @@
+//! `catena experiment ...`
+
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::LevelArgument;
+use super::{LevelArgument, positive};
 
 /// `catena experiment ...`
 #[derive(Debug, Subcommand)]
@@ -33,10 +35,10 @@ pub struct PaperArguments {
     #[arg(long, value_delimiter = ',')]
     pub methods: Vec<String>,
     /// Only these numbers of demonstrations of each task.
-    #[arg(long, value_delimiter = ',')]
+    #[arg(long, value_delimiter = ',', value_parser = positive)]
     pub demonstrations: Vec<usize>,
     /// Episodes of each method and task.
-    #[arg(long)]
+    #[arg(long, value_parser = positive)]
     pub episodes: Option<usize>,
     /// Seed of the first episode; the others follow one by one.
     #[arg(long, default_value_t = 100)]
@@ -45,10 +47,10 @@ pub struct PaperArguments {
     #[arg(long, default_value_t = 1)]
     pub training_seed: u64,
     /// Steps of training of our way and its variants.
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     pub steps: Option<u64>,
     /// Steps of training of the baselines at most; they stop earlier where nothing gets better.
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     pub baseline_steps: Option<u64>,
     /// Folder with recordings of each task (`DIR/sock` and so on), of which the first are taken; by default
     /// they are recorded.
@@ -73,6 +75,9 @@ pub struct PaperArguments {
     /// Make the table and the plot of the cells that are there, measure nothing.
     #[arg(long)]
     pub only_draw: bool,
+    /// Measure anew what was measured otherwise, in place of it.
+    #[arg(long, conflicts_with = "only_draw")]
+    pub replace: bool,
 }
 
 /// `catena experiment chaining`
@@ -82,7 +87,7 @@ pub struct ChainingArguments {
     #[arg(default_value = "tasks/sequences/sock_then_trash.yaml")]
     pub target: String,
     /// Number of episodes of each method.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = positive)]
     pub episodes: usize,
     /// Seed of the first episode; the others follow one by one.
     #[arg(long, default_value_t = 100)]
@@ -93,4 +98,7 @@ pub struct ChainingArguments {
     /// Where the cells, the table and the plot go.
     #[arg(long, default_value = "results/chaining")]
     pub out: PathBuf,
+    /// Measure anew what was measured otherwise, in place of it.
+    #[arg(long)]
+    pub replace: bool,
 }

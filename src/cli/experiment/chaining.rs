@@ -1,18 +1,21 @@
+use std::fs;
+use std::path::{Path, PathBuf};
+
 use serde::Serialize;
 
+use super::plan::digest;
 use crate::cli::arguments::{Arguments, ChainingArguments, EvaluateArguments, PlannerArgument};
 use crate::cli::error::CliError;
 use crate::cli::evaluate::{bedroom, episodes};
-use crate::cli::kept::{keep, keep_text, kept};
+use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::cli::loaded::{Loaded, graph_digests};
 use crate::cli::revision::revision;
 use crate::composer::{Composition, compose_named};
 use crate::experiment::{
     ChainingCell, ChainingMethod, EpisodeResult, Evaluation, ScoredBedroom, chaining_table,
 };
-use crate::model::sha256_hex;
 use crate::rollout::Rollout;
-use crate::simulator::Bedroom;
+use crate::simulator::{Bedroom, BedroomConfig};
 use crate::view::{Rate, write_rates_svg};
 
 /// What the figures of a cell depend on.
@@ -24,7 +27,7 @@ struct Ingredients<'a> {
     graphs: &'a [String],
     seed: u64,
     episodes: usize,
-    level: String,
+    bedroom: BedroomConfig,
 }
 
 /// `catena experiment chaining`: a chain with all guards, and with each switched off in turn.
@@ -44,39 +47,32 @@ pub(super) fn chaining(
         policy: None,
     };
     let out = &chaining_arguments.out;
-    let mut cells = Vec::new();
+    fs::create_dir_all(out).map_err(|source| CliError::Io {
+        path: out.clone(),
+        source,
+    })?;
+    // Before hours are spent.
+    let mut missing = Vec::new();
     for method in ChainingMethod::ALL {
-        let mut composition = compose_named(&evaluated.target, &arguments.root)?;
-        method.plan(&mut composition.planner, &mut composition.calibration);
-        let file = out.join(format!("{}.json", method.name()));
-        let loaded = Loaded::of(composition, arguments)?;
-        let graphs = graph_digests(&loaded.composition)?;
-        let ingredients = Ingredients {
-            method,
-            composition: described(&loaded.composition),
-            model: loaded.model.digest(),
-            graphs: &graphs,
-            seed: evaluated.seed,
-            episodes: evaluated.episodes,
-            level: format!("{:?}", bedroom(&loaded, evaluated)?.level),
-        };
-        let digest = sha256_hex(&serde_json::to_vec(&ingredients)?);
-        let found = kept::<ChainingCell>(&file).filter(|cell| cell.digest == digest);
-        let cell = if let Some(cell) = found {
-            println!("{}: kept from {}", method.described(), file.display());
-            cell
-        } else {
-            let cell = measure(method, &loaded, evaluated, arguments, digest)?;
-            keep(&file, &cell)?;
-            println!(
-                "{}: {:.0} % of {}",
-                method.described(),
-                100.0 * cell.success_rate,
-                cell.episodes
-            );
-            cell
-        };
-        cells.push(cell);
+        let (_, digest) = loaded_with(method, evaluated, arguments)?;
+        let file = cell_file(out, method);
+        let cell = Missing::unless_kept::<ChainingCell>(file, digest, chaining_arguments.replace)?;
+        missing.extend(cell.map(|missing| (method, missing)));
+    }
+    for (method, Missing { file, digest }) in missing {
+        let (loaded, _) = loaded_with(method, evaluated, arguments)?;
+        let cell = measure(method, &loaded, evaluated, arguments, digest)?;
+        keep(&file, &cell)?;
+        println!(
+            "{}: {:.0} % of {}",
+            method.described(),
+            100.0 * cell.success_rate,
+            cell.episodes
+        );
+    }
+    let mut cells: Vec<ChainingCell> = Vec::new();
+    for method in ChainingMethod::ALL {
+        cells.extend(kept(&cell_file(out, method))?);
     }
     let table = chaining_table(&cells);
     let name = &cells[0].evaluation.name;
@@ -94,6 +90,32 @@ pub(super) fn chaining(
     Ok(())
 }
 
+fn cell_file(out: &Path, method: ChainingMethod) -> PathBuf {
+    out.join(format!("{}.json", method.name()))
+}
+
+/// The composition as a method plans it, with what it needs, and the digest of what its figures depend on.
+fn loaded_with(
+    method: ChainingMethod,
+    evaluated: &EvaluateArguments,
+    arguments: &Arguments,
+) -> Result<(Loaded, String), CliError> {
+    let mut composition = compose_named(&evaluated.target, &arguments.root)?;
+    method.plan(&mut composition.planner, &mut composition.calibration);
+    let loaded = Loaded::of(composition, arguments)?;
+    let graphs = graph_digests(&loaded.composition)?;
+    let digest = digest(&Ingredients {
+        method,
+        composition: described(&loaded.composition),
+        model: loaded.model.digest(),
+        graphs: &graphs,
+        seed: evaluated.seed,
+        episodes: evaluated.episodes,
+        bedroom: bedroom(&loaded, evaluated)?,
+    })?;
+    Ok((loaded, digest))
+}
+
 fn rate(cell: &ChainingCell) -> Rate {
     Rate {
         label: cell.method.described().to_owned(),
@@ -107,10 +129,11 @@ fn rate(cell: &ChainingCell) -> Rate {
 /// What of a composition its figures depend on, beyond model and graphs.
 fn described(composition: &Composition) -> String {
     format!(
-        "{:?} {:?} {:?} {:?} {:?} {:?} {:?}",
+        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}",
         composition.order,
         composition.final_choice,
         composition.start,
+        composition.regions(),
         composition.on_shortcut,
         composition.planner,
         composition.calibration,
@@ -130,10 +153,10 @@ fn measure(
     let mut options = loaded.rollout_options(evaluated.nearest_states);
     method.run(&mut options.filter, &mut options.on_shortcut);
     let judged = loaded.composition.demonstrated_automaton();
+    let rollout = Rollout::new(loaded.rollout_model(), planner, options)?;
     let results = episodes(method.name(), evaluated, |seed| {
         let mut room = ScoredBedroom::new(Bedroom::new(bedroom), &judged);
-        let mut rollout = Rollout::new(loaded.rollout_model(), planner.clone(), options.clone())?;
-        let episode = rollout.run(&mut room, seed, &mut ())?;
+        let episode = rollout.clone().run(&mut room, seed, &mut ())?;
         Ok(EpisodeResult::new(seed, &episode, room.score()))
     })?;
     let names: Vec<String> = judged.subgoals().iter().map(|s| s.name.clone()).collect();

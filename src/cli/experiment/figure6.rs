@@ -6,13 +6,13 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::method::{BC, Method, OURS};
+use super::method::{BC, Method, OURS, chosen};
 use super::plan::{QUICK_NOTE, Size, digest, out};
 use super::workshop::{Trained, Workshop};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::baseline::goal_state;
 use crate::cli::error::CliError;
-use crate::cli::kept::{is_kept, keep, keep_text, kept};
+use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::cli::loaded::{Loaded, bedroom};
 use crate::composer::compose_named;
 use crate::environment::Environment;
@@ -104,18 +104,31 @@ struct CertaintyCell {
 /// `catena experiment fig6`.
 pub(super) fn figure_6(paper: &PaperArguments, arguments: &Arguments) -> Result<(), CliError> {
     let size = Size::new(paper, &[DEMONSTRATIONS], 1);
-    let out = out(paper, NAME);
+    let demonstrations = size.only_number(NAME)?;
+    let out = out(paper, NAME)?;
     let workshop = Workshop::open(paper, arguments)?;
-    let demonstrations = size
-        .demonstrations
-        .first()
-        .copied()
-        .unwrap_or(DEMONSTRATIONS);
+    let methods = chosen(&[BC, OURS], &paper.methods)?;
     if !paper.only_draw {
-        workshop.side_by_side([BC, OURS], |method| {
-            let mut lines = LINES.iter().filter(|line| line.method == method);
-            lines.try_for_each(|line| {
-                measure(&workshop, line, demonstrations, &size, &out, arguments)
+        let mut jobs = Vec::new();
+        for method in methods {
+            let mut lines = Vec::new();
+            for line in LINES.iter().filter(|line| line.method == method) {
+                let digest = digest(&(
+                    line.name,
+                    demonstrations,
+                    size.training(&method, size.training_seed),
+                    workshop.ingredients(&method),
+                    size.episodes,
+                    size.seed,
+                ))?;
+                let missing = workshop.missing::<CertaintyCell>(cell_file(&out, line), digest)?;
+                lines.extend(missing.map(|missing| (line, missing)));
+            }
+            jobs.push(lines);
+        }
+        workshop.side_by_side(jobs, |lines| {
+            lines.into_iter().try_for_each(|(line, missing)| {
+                measure(&workshop, line, demonstrations, &size, missing, arguments)
             })
         })?;
     }
@@ -126,29 +139,16 @@ fn cell_file(out: &Path, line: &Line) -> PathBuf {
     out.join(format!("{}.json", line.name))
 }
 
-/// Measures a line that is not there yet, training its method if need be.
+/// Measures a line, training its method if need be.
 fn measure(
     workshop: &Workshop<'_>,
     line: &Line,
     demonstrations: usize,
     size: &Size,
-    out: &Path,
+    Missing { file, digest }: Missing,
     arguments: &Arguments,
 ) -> Result<(), CliError> {
-    let file = cell_file(out, line);
     let method = &line.method;
-    let words = size.training(method, size.training_seed);
-    let digest = digest(&(
-        line.name,
-        demonstrations,
-        &words,
-        &workshop.recordings,
-        size.episodes,
-        size.seed,
-    ))?;
-    if is_kept::<CertaintyCell>(&file, &digest) {
-        return Ok(());
-    }
     let seed = size.training_seed;
     let trained = workshop.trained(method, demonstrations, size, seed, true)?;
     let (names, first) = first_actions(line, &trained, size, arguments)?;
@@ -264,8 +264,10 @@ fn told(action: &str, probability: f64) -> String {
 }
 
 fn draw(out: &Path) -> Result<(), CliError> {
-    let of_line = |line: &'static Line| kept(&cell_file(out, line)).map(|cell| (line, cell));
-    let cells: Vec<(&Line, CertaintyCell)> = LINES.iter().filter_map(of_line).collect();
+    let mut cells: Vec<(&Line, CertaintyCell)> = Vec::new();
+    for line in &LINES {
+        cells.extend(kept(&cell_file(out, line))?.map(|cell| (line, cell)));
+    }
     let mut table = String::new();
     if cells.iter().any(|(_, cell)| cell.is_quick) {
         let _ = writeln!(table, "{QUICK_NOTE}\n");

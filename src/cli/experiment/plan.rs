@@ -1,4 +1,5 @@
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -67,6 +68,19 @@ impl Size {
         }
     }
 
+    /// The number of demonstrations of an experiment that has only one.
+    pub(super) fn only_number(&self, experiment: &'static str) -> Result<usize, CliError> {
+        match self.demonstrations[..] {
+            [number] => Ok(number),
+            ref several => Err(CliError::OneNumberOnly {
+                experiment,
+                found: (several.iter().map(usize::to_string))
+                    .collect::<Vec<_>>()
+                    .join(","),
+            }),
+        }
+    }
+
     /// Steps of a method's training at most.
     pub(super) fn steps_of(&self, method: &Method) -> u64 {
         if method.plans {
@@ -99,16 +113,19 @@ impl Size {
     }
 }
 
-/// Where an experiment's cells go.
-pub(super) fn out(arguments: &PaperArguments, name: &str) -> PathBuf {
-    arguments.out.clone().unwrap_or_else(|| {
-        let parent = if arguments.quick {
-            "out/quick"
-        } else {
-            "results"
-        };
-        PathBuf::from(parent).join(name)
-    })
+/// Where an experiment's cells go: a folder that is there, so that it is not missed after hours.
+pub(super) fn out(arguments: &PaperArguments, name: &str) -> Result<PathBuf, CliError> {
+    let parent = if arguments.quick {
+        "out/quick"
+    } else {
+        "results"
+    };
+    let usual = || Path::new(parent).join(name);
+    let out = arguments.out.clone().unwrap_or_else(usual);
+    match fs::create_dir_all(&out) {
+        Ok(()) => Ok(out),
+        Err(source) => Err(CliError::Io { path: out, source }),
+    }
 }
 
 /// A digest of what a cell depends on.

@@ -11,7 +11,7 @@ use super::plan::{QUICK_NOTE, Size, digest, out};
 use super::workshop::{Trained, Workshop, evaluation, shown};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
-use crate::cli::kept::{is_kept, keep, keep_text, kept};
+use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::experiment::{
     Evaluation, PAPER_TABLE_1, PAPER_TABLE_3, PAPER_TASKS, PublishedRate, RateCell,
     paper_rate_of_all, rate_of_all, rates_table,
@@ -64,16 +64,25 @@ impl Table {
             Size::new(paper, self.demonstrations, 1)
         };
         let methods = chosen(self.methods, &paper.methods)?;
-        let out = out(paper, self.name);
+        let out = out(paper, self.name)?;
         let workshop = Workshop::open(paper, arguments)?;
         if !paper.only_draw {
             let trainable = methods.iter().filter(|method| workshop.can_train(method));
             let trainable: Vec<&Method> = trainable.collect();
-            let rows = (size.demonstrations.iter())
-                .flat_map(|demonstrations| trainable.iter().map(move |m| (*m, *demonstrations)));
-            workshop.side_by_side(rows, |(method, demonstrations)| {
-                measure(&workshop, method, demonstrations, &size, &out)
-            })?;
+            let mut rows = Vec::new();
+            for demonstrations in &size.demonstrations {
+                for method in &trainable {
+                    rows.push(Row::missing(
+                        &workshop,
+                        method,
+                        *demonstrations,
+                        &size,
+                        &out,
+                    )?);
+                }
+            }
+            let rows = rows.into_iter().filter(|row| !row.cells.is_empty());
+            workshop.side_by_side(rows, |row| row.measure(&workshop, &size))?;
         }
         self.draw(&out, &size)
     }
@@ -93,11 +102,10 @@ impl Table {
         numbers.dedup();
         for demonstrations in numbers {
             for method in self.methods {
-                let of_row = PAPER_TASKS
-                    .iter()
-                    .filter_map(|task| kept(&cell_file(out, method, demonstrations, task)));
                 let before = cells.len();
-                cells.extend(of_row);
+                for task in PAPER_TASKS {
+                    cells.extend(kept(&cell_file(out, method, demonstrations, task))?);
+                }
                 if cells.len() > before || whole.contains(&demonstrations) {
                     rows.push((method.name, method.described, demonstrations));
                 }
@@ -142,64 +150,94 @@ fn cell_file(out: &Path, method: &Method, demonstrations: usize, task: &str) -> 
     out.join(format!("{}_{demonstrations}_{task}.json", method.name))
 }
 
-/// Measures the cells of a method that are not there yet, training it if there is one.
-fn measure(
-    workshop: &Workshop<'_>,
-    method: &Method,
+/// The cells of a method that are not there yet.
+struct Row<'a> {
+    method: &'a Method,
     demonstrations: usize,
-    size: &Size,
-    out: &Path,
-) -> Result<(), CliError> {
-    let seed = size.training_seed;
-    let words = size.training(method, seed);
-    let told: Vec<&str> = (words.iter().map(String::as_str))
-        .chain(method.building().iter().copied())
-        .chain(method.running().iter().copied())
-        .collect();
-    let mut trained: Option<Trained> = None;
-    for task in PAPER_TASKS {
-        let episodes = (task, size.episodes, size.seed);
-        let digest = digest(&(
-            method.name,
-            demonstrations,
-            &told,
-            &workshop.recordings,
-            episodes,
-        ))?;
-        let file = cell_file(out, method, demonstrations, task);
-        if is_kept::<RateCell>(&file, &digest) {
-            continue;
+    cells: Vec<(&'static str, Missing)>,
+}
+
+impl<'a> Row<'a> {
+    fn missing(
+        workshop: &Workshop<'_>,
+        method: &'a Method,
+        demonstrations: usize,
+        size: &Size,
+        out: &Path,
+    ) -> Result<Self, CliError> {
+        let words = size.training(method, size.training_seed);
+        let told: Vec<&str> = (words.iter().map(String::as_str))
+            .chain(method.building().iter().copied())
+            .chain(method.running().iter().copied())
+            .collect();
+        let mut cells = Vec::new();
+        for task in PAPER_TASKS {
+            let digest_of = |episodes: usize| {
+                digest(&(
+                    method.name,
+                    demonstrations,
+                    &told,
+                    workshop.ingredients(method),
+                    (task, episodes, size.seed),
+                ))
+            };
+            let file = cell_file(out, method, demonstrations, task);
+            if let Some(cell) = workshop.kept::<RateCell>(&file)?
+                && cell.episodes != size.episodes
+                && cell.digest == digest_of(cell.episodes)?
+            {
+                println!(
+                    "kept: {} ({} episodes, not {}; --replace measures it anew)",
+                    file.display(),
+                    cell.episodes,
+                    size.episodes
+                );
+                continue;
+            }
+            let missing = workshop.missing::<RateCell>(file, digest_of(size.episodes)?)?;
+            cells.extend(missing.map(|missing| (task, missing)));
         }
-        if trained.is_none() {
-            trained = Some(workshop.trained(method, demonstrations, size, seed, true)?);
-        }
-        let Some(trained) = &trained else { continue };
-        let command = evaluation(method, trained, task, size);
-        let evaluation: Evaluation = workshop.json(trained, &command, None)?;
-        let cell = RateCell {
-            method: method.name.to_owned(),
+        Ok(Self {
+            method,
             demonstrations,
-            task: task.to_owned(),
-            episodes: evaluation.episodes,
-            seed: evaluation.seed,
-            success_rate: evaluation.success_rate,
-            interval_95: evaluation.interval_95,
-            digest,
-            commands: commands(method, &words, &shown(&command), trained),
-            digests: digests_of(trained)?,
-            commit: workshop.commit.clone(),
-            is_quick: size.is_quick,
-            evaluation,
-        };
-        keep(&file, &cell)?;
-        println!(
-            "{}, {demonstrations} demonstrations, {task}: {:.0} % of {}",
-            method.described,
-            100.0 * cell.success_rate,
-            cell.episodes
-        );
+            cells,
+        })
     }
-    Ok(())
+
+    /// Trains the method and measures it.
+    fn measure(self, workshop: &Workshop<'_>, size: &Size) -> Result<(), CliError> {
+        let (method, demonstrations) = (self.method, self.demonstrations);
+        let seed = size.training_seed;
+        let words = size.training(method, seed);
+        let trained = &workshop.trained(method, demonstrations, size, seed, true)?;
+        for (task, Missing { file, digest }) in self.cells {
+            let command = evaluation(method, trained, task, size);
+            let evaluation: Evaluation = workshop.json(trained, &command, None)?;
+            let cell = RateCell {
+                method: method.name.to_owned(),
+                demonstrations,
+                task: task.to_owned(),
+                episodes: evaluation.episodes,
+                seed: evaluation.seed,
+                success_rate: evaluation.success_rate,
+                interval_95: evaluation.interval_95,
+                digest,
+                commands: commands(method, &words, &shown(&command), trained),
+                digests: digests_of(trained)?,
+                commit: workshop.commit.clone(),
+                is_quick: size.is_quick,
+                evaluation,
+            };
+            keep(&file, &cell)?;
+            println!(
+                "{}, {demonstrations} demonstrations, {task}: {:.0} % of {}",
+                method.described,
+                100.0 * cell.success_rate,
+                cell.episodes
+            );
+        }
+        Ok(())
+    }
 }
 
 /// The commands behind a cell, in order, without the folder that they work in.

@@ -10,10 +10,12 @@ use super::plan::{Size, digest, out};
 use super::workshop::{Workshop, evaluation, shown};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
-use crate::cli::kept::{is_kept, keep, keep_text, kept};
+use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::experiment::Evaluation;
 
 const NAME: &str = "table2";
+/// Numbers of demonstrations of the whole table.
+const DEMONSTRATIONS: [usize; 2] = [10, 30];
 /// Training does not change how long a network takes.
 const STEPS: u64 = 20;
 /// The task whose steps are timed: one with a graph of middle size.
@@ -51,64 +53,71 @@ struct TimeCell {
 
 /// `catena experiment table2`: one episode at a time, as on a robot.
 pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(), CliError> {
-    let mut size = Size::new(paper, &[10, 30], 1);
+    let mut size = Size::new(paper, &DEMONSTRATIONS, 1);
     size.steps = paper.steps.unwrap_or(STEPS);
     size.baseline_steps = paper.baseline_steps.unwrap_or(STEPS);
     size.episodes = 1;
-    let out = out(paper, NAME);
+    let out = out(paper, NAME)?;
     let mut workshop = Workshop::open(paper, arguments)?;
     workshop.one_after_the_other();
     let methods = chosen(&TABLE_1, &paper.methods)?;
+    let mut cells = Vec::new();
     let measured = if paper.only_draw {
         Vec::new()
     } else {
         rows(&methods, &size.demonstrations)
     };
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
     for (method, demonstrations) in measured {
+        if !workshop.can_train(&method) {
+            continue;
+        }
         for (engine, described) in ENGINES {
-            let file = cell_file(&out, &method, demonstrations, engine);
-            let words = size.training(&method, size.training_seed);
-            let cores = std::thread::available_parallelism().map_or(1, usize::from);
             let digest = digest(&(
                 method.name,
                 demonstrations,
                 engine,
-                &words,
+                size.training(&method, size.training_seed),
+                workshop.ingredients(&method),
                 size.seed,
                 cores,
             ))?;
-            if is_kept::<TimeCell>(&file, &digest) {
-                continue;
-            }
-            if !workshop.can_train(&method) {
-                continue;
-            }
-            let seed = size.training_seed;
-            let trained = workshop.trained(&method, demonstrations, &size, seed, true)?;
-            let command = evaluation(&method, &trained, TASK, &size);
-            let found: Evaluation = match workshop.json(&trained, &command, Some(engine)) {
-                Ok(found) => found,
-                Err(error) => {
-                    println!("{described}: not measured: {error}");
-                    continue;
-                }
-            };
-            let cell = TimeCell {
-                method: method.name.to_owned(),
-                demonstrations,
-                engine: engine.to_owned(),
-                step_median_ms: found.step_median_ms,
-                step_p99_ms: found.step_p99_ms,
-                steps: found.results.iter().map(|r| r.steps).sum(),
-                cores,
-                digest,
-                commands: vec![shown(&command).replace(&trained.root.display().to_string(), "...")],
-                commit: workshop.commit.clone(),
-            };
-            keep(&file, &cell)?;
+            let file = cell_file(&out, &method, demonstrations, engine);
+            let missing = workshop.missing::<TimeCell>(file, digest)?;
+            cells.extend(missing.map(|cell| (method, demonstrations, engine, described, cell)));
         }
     }
-    draw(&out, &size.demonstrations)
+    for (method, demonstrations, engine, described, Missing { file, digest }) in cells {
+        let seed = size.training_seed;
+        let trained = workshop.trained(&method, demonstrations, &size, seed, true)?;
+        let command = evaluation(&method, &trained, TASK, &size);
+        let found: Evaluation = match workshop.json(&trained, &command, Some(engine)) {
+            Ok(found) => found,
+            Err(error) => {
+                println!("{described}: not measured: {error}");
+                continue;
+            }
+        };
+        let cell = TimeCell {
+            method: method.name.to_owned(),
+            demonstrations,
+            engine: engine.to_owned(),
+            step_median_ms: found.step_median_ms,
+            step_p99_ms: found.step_p99_ms,
+            steps: found.results.iter().map(|r| r.steps).sum(),
+            cores,
+            digest,
+            commands: vec![shown(&command).replace(&trained.root.display().to_string(), "...")],
+            commit: workshop.commit.clone(),
+        };
+        keep(&file, &cell)?;
+    }
+    // What is missing of the whole table is said; a small version has no whole.
+    let whole: &[usize] = if size.is_quick { &[] } else { &DEMONSTRATIONS };
+    let mut numbers = [whole, &size.demonstrations].concat();
+    numbers.sort_unstable();
+    numbers.dedup();
+    draw(&out, &numbers)
 }
 
 fn cell_file(out: &Path, method: &Method, demonstrations: usize, engine: &str) -> PathBuf {
@@ -122,7 +131,10 @@ fn draw(out: &Path, demonstrations: &[usize]) -> Result<(), CliError> {
         .flat_map(|(method, number)| {
             ENGINES.map(|(engine, _)| cell_file(out, &method, number, engine))
         });
-    let cells: Vec<TimeCell> = files.filter_map(|file| kept(&file)).collect();
+    let mut cells: Vec<TimeCell> = Vec::new();
+    for file in files {
+        cells.extend(kept(&file)?);
+    }
     let table = table(demonstrations, &cells);
     keep_text(&out.join("table.md"), table.as_bytes())?;
     println!("\n{table}\nin {}", out.display());

@@ -12,15 +12,18 @@ use super::plan::Size;
 use super::side_by_side::side_by_side;
 use crate::cli::arguments::{Arguments, EngineArgument, PaperArguments};
 use crate::cli::error::CliError;
-use crate::cli::kept::keep_text;
+use crate::cli::kept::{Missing, keep_text, kept};
 use crate::cli::revision::revision;
 use crate::experiment::PAPER_TASKS;
-use crate::storage::{ReadOptions, Recordings};
+use crate::model::sha256_hex;
+use crate::storage::{ReadOptions, Recordings, sha256_file, write_file};
 
 /// Seed with which demonstrations are recorded, those of README.md.
 const RECORDING_SEED: u64 = 1;
 /// How a command is told with how many threads it computes.
 const THREADS: &str = "RAYON_NUM_THREADS";
+/// Digits of a digest that tell folders apart.
+const MARK_DIGITS: usize = 8;
 /// Lines of a log that are shown of a command that failed.
 const LAST_LINES: usize = 12;
 /// Recordings of each task that are made; experiments take the first of them.
@@ -38,9 +41,13 @@ pub(super) struct Workshop<'a> {
     at_once: usize,
     /// Held by the job that records.
     recording: Mutex<()>,
-    /// What the recordings of each task are, for digests: how they are recorded, or the SHA-256 of those that
-    /// were given. Empty where nothing is measured.
-    pub(super) recordings: Vec<String>,
+    /// What the recordings of each task are: how they are recorded, or the SHA-256 of those that were given. Empty
+    /// where nothing is measured, as are the other two.
+    recordings: Vec<String>,
+    /// SHA-256 of the file of each task.
+    tasks: Vec<String>,
+    /// SHA-256 of the encoder that somebody else trained, and of what is said beside it.
+    encoder: Vec<String>,
     /// The commit of the working tree, if it is one.
     pub(super) commit: Option<String>,
 }
@@ -61,13 +68,25 @@ impl<'a> Workshop<'a> {
         arguments: &'a Arguments,
     ) -> Result<Self, CliError> {
         let executable = std::env::current_exe().map_err(io(Path::new("the program itself")))?;
-        let recordings = if paper.only_draw {
-            Vec::new()
-        } else {
-            recordings_told(paper)?
-        };
+        let (mut recordings, mut tasks, mut encoder) = (Vec::new(), Vec::new(), Vec::new());
+        if !paper.only_draw {
+            let files = PAPER_TASKS.map(|task| arguments.root.join(task_file(task)));
+            for file in &files {
+                tasks.push(sha256_file(file)?);
+            }
+            recordings = recordings_told(paper)?;
+            if let Some(file) = &paper.frozen_encoder {
+                encoder.push(sha256_file(file)?);
+                let beside = file.with_extension("json");
+                if beside.exists() {
+                    encoder.push(sha256_file(&beside)?);
+                }
+            }
+        }
         Ok(Self {
             recordings,
+            tasks,
+            encoder,
             commit: revision(&arguments.root),
             paper,
             arguments,
@@ -76,6 +95,51 @@ impl<'a> Workshop<'a> {
             at_once: paper.jobs.get(),
             recording: Mutex::new(()),
         })
+    }
+
+    /// What a method learns from and is measured on, for digests.
+    pub(super) fn ingredients(&self, method: &Method) -> [&[String]; 3] {
+        [&self.recordings, &self.tasks, self.encoder_of(method)]
+    }
+
+    /// A cell that may not be replaced.
+    pub(super) fn kept<T: DeserializeOwned>(&self, file: &Path) -> Result<Option<T>, CliError> {
+        if self.paper.replace {
+            return Ok(None);
+        }
+        kept(file)
+    }
+
+    /// A cell that is to be measured; none where it is there already.
+    pub(super) fn missing<T: DeserializeOwned>(
+        &self,
+        file: PathBuf,
+        digest: String,
+    ) -> Result<Option<Missing>, CliError> {
+        Missing::unless_kept::<T>(file, digest, self.paper.replace)
+    }
+
+    fn encoder_of(&self, method: &Method) -> &[String] {
+        if method.name == MVP {
+            &self.encoder
+        } else {
+            &[]
+        }
+    }
+
+    /// A mark in a folder's name of what a method learns from, where that was given: what is made of other files lies
+    /// beside it. None of what this program records.
+    fn mark(&self, method: &Method) -> Result<String, CliError> {
+        let recordings: &[String] = match self.paper.demos {
+            Some(_) => &self.recordings,
+            None => &[],
+        };
+        let given = [recordings, self.encoder_of(method)];
+        if given.concat().is_empty() {
+            return Ok(String::new());
+        }
+        let digest = sha256_hex(&serde_json::to_vec(&given)?);
+        Ok(format!("_{}", &digest[..MARK_DIGITS]))
     }
 
     /// Does each job, as many beside each other as was asked for.
@@ -114,7 +178,8 @@ impl<'a> Workshop<'a> {
         with_graphs: bool,
     ) -> Result<Trained, CliError> {
         let steps = size.steps_of(method);
-        let name = format!("{}_{demonstrations}_seed{seed}_steps{steps}", method.name);
+        let (name, mark) = (method.name, self.mark(method)?);
+        let name = format!("{name}_{demonstrations}{mark}_seed{seed}_steps{steps}");
         let root = self.work.join(name);
         self.furnish(&root, demonstrations)?;
         let model = root.join(if method.plans {
@@ -133,7 +198,7 @@ impl<'a> Workshop<'a> {
                 let mut command: Vec<OsString> = vec![
                     "graph".into(),
                     "build".into(),
-                    trained.root.join(format!("tasks/{task}.yaml")).into(),
+                    trained.root.join(task_file(task)).into(),
                     "--model".into(),
                     trained.model.clone().into(),
                     "--root".into(),
@@ -178,11 +243,10 @@ impl<'a> Workshop<'a> {
 
     /// Puts tasks and the first recordings of each into a folder.
     fn furnish(&self, root: &Path, demonstrations: usize) -> Result<(), CliError> {
-        let tasks = root.join("tasks");
-        fs::create_dir_all(&tasks).map_err(io(&tasks))?;
         for task in PAPER_TASKS {
-            let file = format!("tasks/{task}.yaml");
-            copied(&self.arguments.root.join(&file), &root.join(&file))?;
+            let (file, place) = (task_file(task), root.join(task_file(task)));
+            let file = self.arguments.root.join(file);
+            keep_text(&place, &fs::read(&file).map_err(io(&file))?)?;
             let from = self.recordings(task, demonstrations)?;
             let folder = root.join("demos").join(task);
             fs::create_dir_all(&folder).map_err(io(&folder))?;
@@ -232,7 +296,7 @@ impl<'a> Workshop<'a> {
     /// or goes to a log.
     fn run(&self, words: &[OsString], part_of: Option<&Trained>) -> Result<(), CliError> {
         let log = part_of.and_then(|trained| self.log_of(trained));
-        let mut command = self.command(words, log.as_deref())?;
+        let mut command = self.command(words, log.as_deref(), None)?;
         if let Some(log) = &log {
             command.stdout(end_of(log)?);
         }
@@ -255,10 +319,7 @@ impl<'a> Workshop<'a> {
         engine: Option<&str>,
     ) -> Result<T, CliError> {
         let log = self.log_of(trained);
-        let mut command = self.command(words, log.as_deref())?;
-        if let Some(engine) = engine {
-            command.args(["--engine", engine]);
-        }
+        let mut command = self.command(words, log.as_deref(), engine)?;
         let output = command.output().map_err(io(&self.executable))?;
         let failed = |said: String| CliError::ExperimentStep {
             command: shown(words),
@@ -279,19 +340,23 @@ impl<'a> Workshop<'a> {
 
     /// A command of this program, which is shown. Its progress is, too, or goes to a log where it runs beside others;
     /// there it computes with its share of the processors only, since threads that wait for one another cost more than
-    /// they bring. Results do not depend on it.
-    fn command(&self, words: &[OsString], log: Option<&Path>) -> Result<Command, CliError> {
+    /// they bring. Results do not depend on it. The engine is that of this call where none is named.
+    fn command(
+        &self,
+        words: &[OsString],
+        log: Option<&Path>,
+        engine: Option<&str>,
+    ) -> Result<Command, CliError> {
         println!("$ {}", shown(words));
         let mut command = Command::new(&self.executable);
         command.args(words);
-        match self.arguments.engine {
-            EngineArgument::Auto => {}
-            EngineArgument::Native => {
-                command.args(["--engine", "native"]);
-            }
-            EngineArgument::Embedded => {
-                command.args(["--engine", "embedded"]);
-            }
+        let of_call = match self.arguments.engine {
+            EngineArgument::Auto => None,
+            EngineArgument::Native => Some("native"),
+            EngineArgument::Embedded => Some("embedded"),
+        };
+        if let Some(engine) = engine.or(of_call) {
+            command.args(["--engine", engine]);
         }
         let Some(log) = log else {
             command.stderr(Stdio::inherit());
@@ -353,12 +418,20 @@ fn files_of(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// Puts a file in another place, without a second copy of its contents where the file system can.
+/// Where a task is described, below the root.
+fn task_file(task: &str) -> String {
+    format!("tasks/{task}.yaml")
+}
+
+/// Puts a file that never changes in another place, without a second copy of its contents where the file system can.
 fn copied(from: &Path, to: &Path) -> Result<(), CliError> {
     if to.exists() || fs::hard_link(from, to).is_ok() {
         return Ok(());
     }
-    fs::copy(from, to).map(|_| ()).map_err(io(from))
+    let mut file = File::open(from).map_err(io(from))?;
+    Ok(write_file(to, |copy| {
+        std::io::copy(&mut file, copy).map(|_| ())
+    })?)
 }
 
 /// A log, opened to be written on.

@@ -138,3 +138,24 @@ fn model_of_another_graph_is_refused_with_both_digests() {
         assert!(error.contains(part), "{error}");
     }
 }
+
+#[test]
+fn nothing_but_a_graph_is_replaced() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = root.path().join("graph");
+    let save = || save_graph(&folder, &graph(), &manifest());
+    save().unwrap();
+    save().unwrap();
+    let precious = folder.join("thesis.tex");
+    fs::write(&precious, "years").unwrap();
+    let refused = save().unwrap_err().to_string();
+    assert!(refused.contains("holds thesis.tex"), "{refused}");
+    assert_eq!(fs::read_to_string(&precious).unwrap(), "years");
+    let refused = save_graph(&precious, &graph(), &manifest()).unwrap_err();
+    assert!(refused.to_string().contains("is a file"), "{refused}");
+    let refused = check_graph_place(std::path::Path::new("..")).unwrap_err();
+    assert!(refused.to_string().contains("other things"), "{refused}");
+    let empty = root.path().join("empty");
+    fs::create_dir(&empty).unwrap();
+    check_graph_place(&empty).unwrap();
+}

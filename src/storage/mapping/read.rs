@@ -13,7 +13,7 @@ use super::{Mapping, StorageError, nearest};
 /// Mapping files are short; a larger file is some other one.
 const MAX_FILE_BYTES: u64 = 256 * 1024;
 const MAX_NODES: usize = 10_000;
-const MAX_BINS: usize = 4096;
+pub const MAX_BINS: usize = 4096;
 const MAX_IMAGE_PIXELS: u32 = 8192;
 const MAX_EVERY: usize = 10_000;
 const MAX_RATE_HZ: f64 = 10_000.0;

@@ -12,7 +12,7 @@ use super::validation::HeldOut;
 use super::{BaselineConfig, BaselineNetwork, TrainedBaseline};
 use crate::model::{BaselineValidation, FeatureEncoder};
 use crate::training::augmentation::check_mirror;
-use crate::training::checkpoint::Checkpoint;
+use crate::training::checkpoint::{Checkpoint, differing_configurations};
 use crate::training::course::{self, Course, Pace, Progress, Sizes};
 use crate::training::history::LossTable;
 use crate::training::learner::Learner;
@@ -301,24 +301,19 @@ fn check_same(
 ) -> Result<(), TrainingError> {
     let mut config = found.config.clone();
     config.max_minutes = wanted.config.max_minutes;
-    let differs = [
-        (config != wanted.config, "configurations"),
-        (
-            found.demonstrations != wanted.demonstrations,
-            "demonstrations",
-        ),
-        (
-            (&found.frozen, &found.spec) != (&wanted.frozen, &wanted.spec),
-            "frozen encoders",
-        ),
-    ];
-    match differs.into_iter().find(|(differs, _)| *differs) {
-        None => Ok(()),
-        Some((_, what)) => Err(TrainingError::CheckpointOfAnother {
-            path: Checkpoint::<BaselineState>::path(folder),
-            what,
-        }),
-    }
+    let what = if config != wanted.config {
+        differing_configurations(&config, &wanted.config)
+    } else if found.demonstrations != wanted.demonstrations {
+        "demonstrations".to_owned()
+    } else if (&found.frozen, &found.spec) != (&wanted.frozen, &wanted.spec) {
+        "frozen encoders".to_owned()
+    } else {
+        return Ok(());
+    };
+    Err(TrainingError::CheckpointOfAnother {
+        path: Checkpoint::<BaselineState>::path(folder),
+        what,
+    })
 }
 
 fn row(step: u64, rate: f64, loss: f32, validation: Option<&BaselineValidation>) -> String {

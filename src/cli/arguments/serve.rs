@@ -1,0 +1,57 @@
+//! Commands that wait for a program elsewhere.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::LevelArgument;
+
+/// `catena serve`
+#[derive(Debug, Args)]
+pub struct ServeArguments {
+    /// The composition's YAML file, or a task's name.
+    pub target: String,
+    /// The address to listen on.
+    #[arg(long, default_value = "127.0.0.1:8000")]
+    pub bind: SocketAddr,
+    #[command(flatten)]
+    pub limits: LimitArguments,
+    /// Ask at each step how far only so many states are in each direction, those that seem nearest, instead
+    /// of all: for large graphs.
+    #[arg(long)]
+    pub nearest_states: Option<usize>,
+}
+
+/// `catena simulate`
+#[derive(Debug, Args)]
+pub struct SimulateArguments {
+    /// The composition's YAML file, or a task's name: where the robot starts, and which subgoals are judged.
+    pub target: String,
+    /// The address to listen on.
+    #[arg(long, default_value = "127.0.0.1:8001")]
+    pub bind: SocketAddr,
+    #[command(flatten)]
+    pub limits: LimitArguments,
+    /// How much the world varies.
+    #[arg(long, value_enum, default_value_t = LevelArgument::Paper)]
+    pub level: LevelArgument,
+}
+
+/// Who may come in, and what each may take.
+#[derive(Debug, Args)]
+pub struct LimitArguments {
+    /// A file with the key that clients must send (`api_key` of openpi-client). Needed where other machines
+    /// reach the address.
+    #[arg(long, value_name = "FILE")]
+    pub api_key_file: Option<PathBuf>,
+    /// Connections at a time.
+    #[arg(long, default_value_t = 64)]
+    pub max_connections: usize,
+    /// Mebibytes of a message.
+    #[arg(long, default_value_t = 32)]
+    pub max_message_mib: usize,
+    /// A connection that sends nothing for so many seconds is closed.
+    #[arg(long, default_value_t = 600)]
+    pub idle_secs: u64,
+}
