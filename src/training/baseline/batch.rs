@@ -20,6 +20,8 @@ pub struct BatchInput {
     pub goals: Vec<i32>,
     /// Places of the windows that are scored: once a state, and only if its action is to be imitated.
     pub scored: Vec<i32>,
+    /// What each of these counts.
+    pub weights: Vec<f32>,
     /// For each head, the class of each place that is scored.
     pub classes: Vec<Vec<i32>>,
 }
@@ -49,7 +51,7 @@ impl WindowBatcher<'_> {
         let cameras = self.data.cameras().len();
         let variations = vary(augmentation, cameras, &draw.group_of, &mirror, &mut rng);
         let stack = self.config.stack;
-        let (scored, mut classes) = self.targets(&draw);
+        let (scored, weights, mut classes) = self.targets(&draw);
         mirror.change(&mut classes);
         let numbers = |rows: &[usize]| rows.iter().map(|row| *row as i32).collect();
         BatchInput {
@@ -60,13 +62,16 @@ impl WindowBatcher<'_> {
             rows: numbers(&draw.rows),
             goals: numbers(&draw.goals),
             scored,
+            weights,
             classes,
         }
     }
 
-    fn targets(&self, draw: &WindowDraw) -> (Vec<i32>, Vec<Vec<i32>>) {
+    /// Places that are scored, what each counts, and for each head their classes.
+    fn targets(&self, draw: &WindowDraw) -> (Vec<i32>, Vec<f32>, Vec<Vec<i32>>) {
         let heads = self.data.action_space().head_sizes().len();
-        let (mut scored, mut classes) = (Vec::new(), vec![Vec::new(); heads]);
+        let (mut scored, mut weights) = (Vec::new(), Vec::new());
+        let mut classes = vec![Vec::new(); heads];
         for (place, row) in draw.rows.iter().enumerate() {
             // Where the first state is repeated only its last place is that state's own.
             let is_repeated = (place + 1) % self.config.history != 0
@@ -76,10 +81,11 @@ impl WindowBatcher<'_> {
                 continue;
             }
             scored.push(place as i32);
+            weights.push(self.sampler.weight(at));
             for (head, class) in classes.iter_mut().zip(self.data.classes(at)) {
                 head.push(*class as i32);
             }
         }
-        (scored, classes)
+        (scored, weights, classes)
     }
 }

@@ -5,10 +5,10 @@ use super::batch::BatchInput;
 use super::dropout::Dropout;
 use super::source::Source;
 use crate::training::encodings::Encodings;
-use crate::training::loss::{indices, policy_entropies};
+use crate::training::loss::{indices, policy_entropies, weights};
 
-/// The mean cross-entropy of the actions of a step, in nats, averaged over the heads, and what the encoders made
-/// of the states.
+/// The cross-entropy of the actions of a step, in nats, averaged over the heads, and what the encoders made of the
+/// states. Over all steps it is the mean over all states, each of the same weight.
 pub fn loss_of(
     input: BatchInput,
     network: &BaselineNetwork,
@@ -30,10 +30,9 @@ pub fn loss_of(
     let goals = latents.select(0, indices(&input.goals, device));
     let logits = network.policy.forward(history, goals, dropout);
     let scored = logits.select(0, indices(&input.scored, device));
-    (
-        policy_entropies(&scored, &input.classes, heads).mean(),
-        encodings,
-    )
+    let entropies = policy_entropies(&scored, &input.classes, heads);
+    let loss = (entropies * weights(&input.weights, device)).sum() / windows as f64;
+    (loss, encodings)
 }
 
 /// Rows of latents as windows, `[windows, history, latent_dim]`.

@@ -1,3 +1,6 @@
+use std::collections::HashMap;
+use std::ops::RangeInclusive;
+
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
@@ -9,6 +12,8 @@ use crate::training::{Dataset, StateRef, TrainingError};
 pub struct WindowSampler {
     /// Where a window may end: every state whose action is imitated.
     ends: Vec<StateRef>,
+    /// Of the windows that may be drawn, how many show a state.
+    windows_of: HashMap<StateRef, u32>,
     /// For each set, the last states of its trajectories.
     goals: Vec<Vec<StateRef>>,
     windows: usize,
@@ -51,13 +56,26 @@ impl WindowSampler {
         if ends.is_empty() {
             return Err(TrainingError::NoPairs { part: "training" });
         }
+        let mut windows_of = HashMap::new();
+        for end in &ends {
+            for step in steps_of_window(end.step, config.history) {
+                *windows_of.entry(StateRef { step, ..*end }).or_default() += 1;
+            }
+        }
         Ok(Self {
             ends,
+            windows_of,
             goals: last_states(data, trajectories),
             windows: config.windows,
             goals_a_step: config.goals,
             history: config.history,
         })
+    }
+
+    /// What a state that a drawn window shows counts, so that each is learnt from alike: few windows show the last
+    /// states of a demonstration, which has the robot let go and end. The weights of a window have a mean sum of 1.
+    pub fn weight(&self, at: StateRef) -> f32 {
+        1.0 / self.windows_of.get(&at).copied().unwrap_or(1) as f32
     }
 
     /// Draws the windows of a step.
@@ -114,9 +132,8 @@ impl WindowSampler {
 
 impl WindowDraw {
     fn push_window(&mut self, end: StateRef, history: usize) {
-        let first = (end.step + 1).saturating_sub(history as u32);
         let start = self.states.len();
-        for step in first..=end.step {
+        for step in steps_of_window(end.step, history) {
             self.states.push(StateRef { step, ..end });
             self.group_of.push(self.groups);
         }
@@ -131,6 +148,11 @@ impl WindowDraw {
         self.groups += 1;
         self.states.len() - 1
     }
+}
+
+/// The steps that a window shows which ends at one of them.
+fn steps_of_window(end_step: u32, history: usize) -> RangeInclusive<u32> {
+    (end_step + 1).saturating_sub(history as u32)..=end_step
 }
 
 /// Places of a window that ends at a step, counted from the first state that it shows; the first is repeated

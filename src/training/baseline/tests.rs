@@ -155,7 +155,9 @@ fn a_checkpoint_of_another_training_or_method_is_refused() {
     let other = tiny(BaselineMethod::Bc, 2);
     let error = fit(&other, folder.path(), &mut SilentObserver).unwrap_err();
     assert!(
-        error.to_string().contains("configurations differ"),
+        error
+            .to_string()
+            .contains("method is \"mvp\" there and \"bc\" here"),
         "{error}"
     );
     let encoder = mean_colour(b"another");
@@ -303,6 +305,30 @@ fn each_state_of_a_window_is_scored_once_with_its_own_action() {
     }
     let ends = (0..50).map(|window| window * 3 + 2);
     assert!(ends.into_iter().all(|end| input.scored.contains(&end)));
+}
+
+#[test]
+fn every_state_is_learnt_from_alike_the_last_of_a_demonstration_too() {
+    let data = Dataset::new(&sets()).unwrap();
+    let all: Vec<u32> = (0..6).collect();
+    for history in [1, 4] {
+        let config = BaselineConfig {
+            windows: 6_000,
+            history,
+            ..tiny(BaselineMethod::BcRnn, 1)
+        };
+        let sampler = WindowSampler::new(&data, &all, &config).unwrap();
+        let draw = sampler.draw(&data, &mut ChaCha8Rng::seed_from_u64(1));
+        let mut counts = [0.0; 12];
+        for at in &draw.states[..draw.of_windows] {
+            counts[at.step as usize] += f64::from(sampler.weight(*at));
+        }
+        let expected = config.windows as f64 / counts.len() as f64;
+        for (step, count) in counts.iter().enumerate() {
+            let ratio = count / expected;
+            assert!((0.85..1.15).contains(&ratio), "step {step}: {ratio}");
+        }
+    }
 }
 
 #[test]
