@@ -38,7 +38,7 @@ pub struct FilterOptions {
     /// Votes in a row until the stage falls back (what was held has slipped); `None`: never.
     pub regress_votes: Option<u32>,
     /// Whether the stage falls back as soon as a gripper that should hold something is seen to be empty, by a model
-    /// that has a sense of grasps.
+    /// that has a sense of grasps: to where it is to be grasped, be that more than `regress_stages` ago.
     pub regress_when_empty: bool,
     /// Whether the stage advances as soon as a gripper that was open is seen to hold what the next stage should, by a
     /// model that has a sense of grasps: a thing that is held oddly looks like nothing that was demonstrated.

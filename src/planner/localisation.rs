@@ -143,7 +143,7 @@ impl StageFilter {
         }
         self.belief.weigh(|_| 1.0, |_| 1.0);
         self.forget_the_least();
-        self.set_stage(self.outset.stage());
+        self.stages.begin(self.outset.stage());
         self.placing_steps = match self.outset {
             Outset::Anywhere => PLACING_STEPS,
             _ => 0,
@@ -204,11 +204,12 @@ impl StageFilter {
 
     /// The most probable places of the current stage with their shares of the belief in all of them, the
     /// most probable one first: at most `count`, and none that is `1 / RULED_OUT` times less probable than
-    /// the first.
+    /// the first. None where the belief rules that stage out, as on the step that finds an earlier one overlooked.
     #[must_use]
     pub fn most_probable_places(&self, count: usize) -> Vec<(PlaceId, f64)> {
         let of_stage = |(id, _): &(PlaceId, f64)| self.layout.place(*id).stage == self.stages.now;
-        let mut places: Vec<(PlaceId, f64)> = self.belief.listed().filter(of_stage).collect();
+        let possible = self.belief.listed().filter(|(_, mass)| *mass > 0.0);
+        let mut places: Vec<(PlaceId, f64)> = possible.filter(of_stage).collect();
         let order =
             |a: &(PlaceId, f64), b: &(PlaceId, f64)| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0));
         if places.len() > count {
@@ -371,9 +372,13 @@ impl StageFilter {
     ) {
         let lowest = self.lowest_stage();
         let is_empty = |stage| grasp.is_some_and(|sight| self.stages.is_ruled_out(stage, sight));
-        let is_out: Vec<bool> = (0..self.layout.stage_count())
+        let mut is_out: Vec<bool> = (0..self.layout.stage_count())
             .map(|stage| stage < lowest || is_empty(stage))
             .collect();
+        if is_out.iter().all(|is_out| *is_out) {
+            // Where something is held in all of them, an empty gripper tells nothing of the stage.
+            is_out[lowest..].fill(false);
+        }
         let (layout, groups, options) = (&self.layout, &self.groups, &self.options);
         let unknown = likelihood(options, None, None);
         let grips = self.grips.as_ref().zip(grasp);

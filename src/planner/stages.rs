@@ -132,6 +132,12 @@ impl Stages {
         self.grip = Grip::new(loads);
     }
 
+    /// Forgets all that was seen, for a new episode that begins at a stage.
+    pub(super) fn begin(&mut self, stage: usize) {
+        self.sensed.fill(0.0);
+        self.accept(stage);
+    }
+
     /// Takes a stage as reached, with all before it, whatever was seen.
     pub(super) fn accept(&mut self, stage: usize) {
         self.set(stage);
@@ -250,11 +256,10 @@ impl Stages {
         Some(StageChange::Advanced { to })
     }
 
-    /// Back to the stage in which what an empty gripper should hold is grasped.
+    /// Back to the stage in which what an empty gripper should hold is grasped, over all those in which it is held.
     fn dropped(&mut self, options: &FilterOptions) -> Option<StageChange> {
         let is_dropped = options.regress_when_empty && self.grip.should_hold_and_is_empty(self.now);
-        let lowest = self.now.saturating_sub(options.regress_stages);
-        let to = (lowest..self.now)
+        let to = (0..self.now)
             .rfind(|stage| !self.grip.holds(*stage))
             .filter(|_| is_dropped)?;
         self.set(to);

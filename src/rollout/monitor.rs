@@ -82,7 +82,7 @@ impl<'a> Monitor<'a> {
             let graph = planner.graph();
             let is_closed = |node| {
                 let node = graph.node(node);
-                book.is_closed(&node.trajectory, node.step)
+                book.is_closed(&node.task, &node.trajectory, node.step)
             };
             filter = filter.with_grasps(is_closed, |node| sense.thing_of(&graph.node(node).task));
         }
@@ -164,8 +164,9 @@ impl<'a> Monitor<'a> {
         let localisation = self.filter.look(&distances, latent.row(0), grasp);
         let mut events = Vec::new();
         // What comes after the last subgoal is nobody's way any more.
-        let is_under_way = localisation.stage < self.subgoals.len();
-        events.extend(self.note_lost(localisation.is_lost && is_under_way));
+        if localisation.stage < self.subgoals.len() {
+            events.extend(self.note_lost(localisation.is_lost));
+        }
         events.extend(self.events(before, &localisation, grasp));
         self.step += 1;
         Ok(Sight {

@@ -310,3 +310,52 @@ fn an_empty_gripper_falls_back_at_once_and_its_stage_is_out_of_question_until_it
     };
     assert_eq!(run(&never).0, [None, None, None]);
 }
+
+#[test]
+fn an_empty_gripper_falls_back_over_all_stages_in_which_the_thing_is_held() {
+    let empty = GraspSight {
+        open: 0.0,
+        empty: 0.95,
+        held: 0.05,
+        thing: 0,
+    };
+    let mut stages = Stages::new(4, &[]);
+    let held = Load::Thing(0);
+    stages.know_loads(vec![Load::Nothing, held, held, Load::Nothing]);
+    stages.accept(2);
+    let view = [0.0, 0.0, 1.0, 0.0];
+    let changes = [empty, empty].map(|sight| {
+        stages.note_grasp(sight);
+        stages.vote(&FilterOptions::default(), &plainly(&view))
+    });
+    assert_eq!(changes, [None, Some(StageChange::Dropped { to: 0 })]);
+    assert_eq!([1, 2].map(|s| stages.is_ruled_out(s, empty)), [true; 2]);
+}
+
+#[test]
+fn what_an_episode_showed_is_forgotten_before_the_next() {
+    let run = |first_episode_sees: f64| {
+        let mut stages = Stages::new(4, &[2]);
+        let believe = |stage: usize, sensed: [f64; 4], stages: &mut Stages| {
+            let mut believed = [0.0; 4];
+            believed[stage] = 1.0;
+            let view = StageView {
+                sensed: Some(&sensed),
+                ..plainly(&believed)
+            };
+            stages.vote(&FilterOptions::default(), &view)
+        };
+        believe(0, [1.0, first_episode_sees, 0.0, 0.0], &mut stages);
+        assert_eq!(stages.now, 0);
+        stages.begin(0);
+        for stage in [1, 1, 2, 2] {
+            believe(stage, [0.0; 4], &mut stages);
+        }
+        let at_the_last = |_| believe(3, [0.0, 0.0, 0.0, 1.0], &mut stages);
+        (0..9).filter_map(at_the_last).collect::<Vec<_>>()
+    };
+    let skipped = vec![0];
+    let overlooked = StageChange::Shortcut { to: 3, skipped };
+    assert_eq!(run(1.0).last(), Some(&overlooked));
+    assert_eq!(run(1.0), run(0.0));
+}

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::corridor::{automaton, crowded, merged, seen_by, seen_from, true_stage};
 use crate::graph::TopologicalGraph;
+use crate::model::GraspSight;
 use crate::planner::{
     FilterOptions, FinalChoice, GoalBasis, LiveDistances, Localisation, PlaceId, Planner,
     PlannerOptions, StageChange, StageFilter,
@@ -150,6 +151,41 @@ fn subgoal_without_the_one_before_is_a_shortcut_and_keeps_the_stage() {
     assert_eq!(changes_on(&there), [shortcut], "said once");
     filter.set_stage(2);
     assert_eq!(filter.stage(), 2);
+}
+
+#[test]
+fn a_stage_that_the_belief_rules_out_has_no_probable_places() {
+    let (graph, _, mut filter) = set_up();
+    walk(&graph, &mut filter, steps_to(31));
+    assert_eq!(filter.stage(), 3);
+    let shares = |filter: &StageFilter| {
+        let places = filter.most_probable_places(12);
+        places.iter().map(|(_, share)| share).sum::<f64>()
+    };
+    assert!((shares(&filter) - 1.0).abs() < 1e-9);
+    filter.set_stage(0);
+    assert!(filter.most_probable_places(12).is_empty());
+    walk(&graph, &mut filter, [31.0]);
+    assert!((shares(&filter) - 1.0).abs() < 1e-9, "it is possible again");
+}
+
+#[test]
+fn an_empty_gripper_tells_nothing_where_every_stage_holds_something() {
+    let (graph, _, filter) = set_up();
+    let mut filter = filter.with_grasps(|_| true, |_| None);
+    let empty = GraspSight {
+        open: 0.0,
+        empty: 1.0,
+        held: 0.0,
+        thing: 0,
+    };
+    for x in steps_to(15) {
+        let row = [x];
+        let here = filter.look(&seen_from(&graph, x), &row, Some(empty));
+        let all: f64 = here.stage_probabilities.iter().sum();
+        assert!((all - 1.0).abs() < 1e-9, "{all} at {x}");
+        assert!((position(&graph, &here) - x).abs() <= 1.5, "at {x}");
+    }
 }
 
 #[test]
