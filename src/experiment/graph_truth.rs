@@ -158,7 +158,7 @@ pub struct FalseEdges {
     pub wormholes: usize,
     /// Edges that are no false ones, but take at least two steps more than they claim.
     pub understated: usize,
-    /// Median of true steps minus claimed ones; `None` where half of the edges or more are impossible.
+    /// Median of true steps minus claimed ones, the lower one of an even number; `None` where it is of an impossible edge.
     pub median_error_steps: Option<f64>,
 }
 

@@ -1,3 +1,4 @@
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
@@ -18,9 +19,10 @@ pub struct LandmarkBook {
     pub views: Vec<LandmarkView>,
     /// The landmarks by their numbers.
     pub landmarks: Vec<Landmark>,
-    /// For each demonstration the steps of its events, with the numbers of their landmarks, in order of time.
+    /// For each demonstration, under its [`key`](Self::key), the steps of its events, with the numbers of their landmarks,
+    /// in order of time.
     pub events: BTreeMap<String, Vec<(u32, usize)>>,
-    /// For each demonstration the class of the action of each step. Empty in models of before, whose robots are not
+    /// For each demonstration, under the same keys, the class of the action of each step. Empty in models of before, whose robots are not
     /// told what demonstrations do with the arm.
     #[serde(default)]
     pub actions: BTreeMap<String, Vec<usize>>,
@@ -125,10 +127,47 @@ impl LandmarkBook {
         LandmarkSight { pixel, peak }
     }
 
+    /// What a demonstration of a task is called in [`events`](Self::events) and [`actions`](Self::actions): its task, a
+    /// slash and its id, or its id alone in models of before. A task that goes by another name here than where it was
+    /// learnt is found by the id, if only one has it.
+    #[must_use]
+    pub fn key<'a>(&'a self, task: &str, trajectory: &'a str) -> Cow<'a, str> {
+        let of_task = Self::key_of(task, trajectory);
+        if self.events.contains_key(&of_task) {
+            return Cow::Owned(of_task);
+        }
+        let bare = Cow::Borrowed(trajectory);
+        if self.events.contains_key(trajectory) {
+            return bare;
+        }
+        let parts = || self.events.keys().filter_map(|key| key.split_once('/'));
+        if parts().any(|(known, _)| known == task) {
+            return bare;
+        }
+        let mut others = parts().filter(|(_, id)| *id == trajectory);
+        match (others.next(), others.next()) {
+            (Some((other, _)), None) => Cow::Owned(Self::key_of(other, trajectory)),
+            _ => bare,
+        }
+    }
+
+    /// The key of a demonstration that is learnt from.
+    pub(crate) fn key_of(task: &str, trajectory: &str) -> String {
+        format!("{task}/{trajectory}")
+    }
+
+    /// The steps of a demonstration's events, with the numbers of their landmarks, in order of time; none where it was
+    /// not learnt from.
+    #[must_use]
+    pub fn events_of(&self, task: &str, trajectory: &str) -> &[(u32, usize)] {
+        let events = self.events.get(&*self.key(task, trajectory));
+        events.map_or(&[], Vec::as_slice)
+    }
+
     /// Whether the gripper is closed at a state of a demonstration, missed grasps left out.
     #[must_use]
-    pub fn is_closed(&self, trajectory: &str, step: u32) -> bool {
-        let events = self.events.get(trajectory).into_iter().flatten();
+    pub fn is_closed(&self, task: &str, trajectory: &str, step: u32) -> bool {
+        let events = self.events_of(task, trajectory).iter();
         let before = events.take_while(|(at, _)| *at < step).last();
         before.is_some_and(|(_, number)| self.landmarks[*number].closes)
     }
@@ -205,9 +244,39 @@ mod tests {
     fn a_gripper_is_closed_from_the_state_after_it_closes() {
         let mut book = book();
         book.landmarks[1].closes = false;
-        let closed: Vec<u32> = (0..12).filter(|step| book.is_closed("a", *step)).collect();
+        let closed: Vec<u32> = (0..12)
+            .filter(|step| book.is_closed("t", "a", *step))
+            .collect();
         assert_eq!(closed, [5, 6, 7, 8, 9]);
-        assert!(!book.is_closed("b", 5));
+        assert!(!book.is_closed("t", "b", 5));
+    }
+
+    #[test]
+    fn demonstrations_of_two_tasks_may_have_the_same_id() {
+        let mut book = book();
+        assert_eq!(
+            book.events_of("t", "a"),
+            [(4, 0), (9, 1)],
+            "as in models of before"
+        );
+        let events = [
+            ("t", "a", (4, 0)),
+            ("other", "a", (1, 1)),
+            ("t", "b", (2, 0)),
+        ];
+        let events = events.map(|(task, id, event)| (LandmarkBook::key_of(task, id), vec![event]));
+        book.events = events.into();
+        assert_eq!(book.events_of("t", "a"), [(4, 0)]);
+        assert_eq!(book.events_of("other", "a"), [(1, 1)]);
+        assert!(
+            book.events_of("other", "b").is_empty(),
+            "that of another task"
+        );
+        assert_eq!(book.events_of("t_by_another_name", "b"), [(2, 0)]);
+        assert!(
+            book.events_of("t_by_another_name", "a").is_empty(),
+            "of which"
+        );
     }
 
     #[test]

@@ -253,7 +253,7 @@ impl Approach {
         if is_stuck {
             return useless;
         }
-        if self.shown.resting(&goal.trajectory, goal.step).is_some() {
+        if self.resting(goal).is_some() {
             useless.extend((0..keys.names.len()).filter(|class| keys.is_of_arm(*class)));
         }
         let hopes = self.is_closed && self.closed_steps <= HOPE_STEPS && !self.opens_next(goal);
@@ -278,9 +278,15 @@ impl Approach {
         self.closing = closing.filter(|_| is_closing).map(|(number, _)| number);
     }
 
+    /// The posture in a goal state in which the arm rests.
+    fn resting(&self, goal: &Node) -> Option<&Posture> {
+        let key = self.book.key(&goal.task, &goal.trajectory);
+        self.shown.resting(&key, goal.step)
+    }
+
     /// The arm to where it rests in a goal state: demonstrations drive with it there.
     fn rest(&self, goal: &Node, is_blocked: impl Fn(usize) -> bool) -> Option<usize> {
-        let there = self.shown.resting(&goal.trajectory, goal.step)?;
+        let there = self.resting(goal)?;
         self.posture_step(there, is_blocked)
     }
 
@@ -309,7 +315,7 @@ impl Approach {
     /// is closed opens. It may also lie on the way to that state, or little before it: where the robot is believed to
     /// be past an event that it did not do, the event is still to be done.
     fn due(&self, goal: &Node) -> Option<(usize, u32)> {
-        let events = self.book.events.get(&goal.trajectory)?;
+        let events = self.book.events_of(&goal.task, &goal.trajectory);
         let near = (events.iter()).skip_while(|(at, _)| at + GOAL_AHEAD_STEPS < goal.step);
         for (at, number) in near {
             let closes = self.book.landmarks[*number].closes;

@@ -55,7 +55,7 @@ struct Seen {
 
 impl<'a> ReactiveRollout<'a> {
     /// A policy on its way to a goal: a state at the end of a demonstration of the task. Of the options only
-    /// `max_steps`, `still_levels` and `least_substitute` matter.
+    /// `max_steps`, `still_levels`, `still_share` and `least_substitute` matter.
     ///
     /// # Errors
     /// [`RolloutError::Model`] when the goal has other images than the policy's cameras.

@@ -116,10 +116,25 @@ mod tests {
         let data = Dataset::new(&[synthetic::demonstrations("a", 2, 24, 4)]).unwrap();
         let twins = LookAlikes::find(&data, &[(0, 24), (1, 24)], 5);
         let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let seen = |at: StateRef| {
+            let images = data.observation(at).iter();
+            images.flat_map(|(_, image)| thumbnail(image)).collect()
+        };
         for state in data.states_of(&[0, 1]) {
-            let twin = twins.one_of(state, &mut rng).unwrap();
-            assert_eq!(twin.trajectory, state.trajectory);
-            assert!(twin.step.abs_diff(state.step) >= 5);
+            let here: Vec<f32> = seen(state);
+            let own = [state.trajectory];
+            let far = data
+                .states_of(&own)
+                .filter(|other| other.step.abs_diff(state.step) >= 5);
+            let mut distances: Vec<f32> = far.map(|at| distance(&here, &seen(at))).collect();
+            distances.sort_by(f32::total_cmp);
+            for _ in 0..2 * KEPT {
+                let twin = twins.one_of(state, &mut rng).unwrap();
+                assert_eq!(twin.trajectory, state.trajectory);
+                assert!(twin.step.abs_diff(state.step) >= 5);
+                let away = distance(&here, &seen(twin));
+                assert!(away <= distances[KEPT - 1], "{state:?} {twin:?}");
+            }
         }
     }
 

@@ -59,6 +59,9 @@ impl WeightedPairs {
     }
 
     fn extend(&mut self, other: &Self) {
+        if other.len() == 0 {
+            return;
+        }
         self.from.extend(&other.from);
         self.to.extend(&other.to);
         self.classes.resize(other.classes.len(), Vec::new());

@@ -81,11 +81,12 @@ impl Objective {
             + motion.clone() * config.motion_weight
             + landmarks.clone() * landmark_weight;
         let policy_share = pairs.weights.iter().sum::<f32>().max(f32::MIN_POSITIVE);
+        let far_share = (0.5 * config.far_weight).max(f32::MIN_POSITIVE);
         Self {
             losses: StepLosses {
                 total: total.clone().into_scalar::<f32>(),
                 near: near.into_scalar::<f32>() / 0.5,
-                far: far.into_scalar::<f32>() / (0.5 * config.far_weight),
+                far: far.into_scalar::<f32>() / far_share,
                 policy: policy.into_scalar::<f32>() / policy_share,
                 motion: motion.into_scalar::<f32>(),
                 landmarks: landmarks.into_scalar::<f32>(),

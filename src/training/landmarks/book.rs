@@ -62,8 +62,10 @@ impl Landmarks {
             }
             let steps = 0..data.steps(trajectory) as u32;
             let classes = steps.map(|step| data.classes(StateRef { trajectory, step })[0]);
-            actions.insert(data.id_of(trajectory).to_owned(), classes.collect());
-            events.insert(data.id_of(trajectory).to_owned(), of_demonstration);
+            let task = &data.tasks()[data.set_of(trajectory)];
+            let key = LandmarkBook::key_of(task, data.id_of(trajectory));
+            actions.insert(key.clone(), classes.collect());
+            events.insert(key, of_demonstration);
         }
         let found = (shown.iter().zip(errors))
             .map(|(events, error)| landmark(learnt, events, *error))

@@ -245,7 +245,10 @@ fn a_book_says_how_demonstrations_come_to_a_place() {
     assert!((closing.clearance_m - 0.2).abs() < 1e-5, "{closing:?}");
     assert_eq!(closing.reach_m, [[0.4; 2], [0.05; 2]]);
     assert_eq!((closing.height_m, closing.error_pixels), (0.3, 2.0));
-    assert_eq!(book.events[data.id_of(1)], [(3, 0), (5, 1)]);
+    assert_eq!(
+        book.events_of(&data.tasks()[0], data.id_of(1)),
+        [(3, 0), (5, 1)]
+    );
     // Two cameras of 8 values come first, and what the second sees of four landmarks comes last.
     let spec = spec_of(&data, &config);
     assert_eq!(spec.latent_dim, 16 + 2 * 4 * 3);

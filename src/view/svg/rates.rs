@@ -30,6 +30,10 @@ const LABEL_SIZE: f32 = 14.0;
 const RIGHT: f32 = 70.0;
 /// From the middle of a published rate's mark to its corners.
 const MARK: f32 = 6.0;
+/// From the end of a bar or of its interval to its figure.
+const BEFORE_FIGURE: f32 = 8.0;
+/// From a mark's corner to a figure beside it, on either side.
+const BESIDE_MARK: f32 = 4.0;
 
 /// Rates as horizontal bars with their intervals and marks at what was published, and a dashed line at a rate to compare with,
 /// as SVG text.
@@ -131,9 +135,10 @@ fn bar(canvas: &mut Canvas, rate: &Rate, top: f32, left: f32, at: &dyn Fn(f64) -
     let text = format!("{:.0} %", 100.0 * rate.rate);
     let end = high.max(at(rate.rate));
     // A mark just behind the bar would lie on its figure.
-    let room = end..end + 8.0 + text_width(&text, LABEL_SIZE) + MARK + 4.0;
+    let start = end + BEFORE_FIGURE;
+    let room = end..start + text_width(&text, LABEL_SIZE) + MARK + BESIDE_MARK;
     let beside = published.filter(|mark| room.contains(mark));
-    let x = beside.map_or(end + 8.0, |mark| mark + MARK + 4.0);
+    let x = beside.map_or(start, |mark| mark + MARK + BESIDE_MARK);
     canvas.text(x, middle + 5.0, figure, &text);
 }
 
