@@ -6,6 +6,7 @@ mod error;
 mod gripper;
 mod order;
 mod order_automaton;
+mod order_walk;
 mod region;
 
 pub use automaton::{Automaton, Transition};

@@ -15,8 +15,8 @@ use crate::planner::{Plan, Planner, PlannerOptions, Terms};
 use crate::rollout::{RolloutModel, RolloutOptions};
 use crate::simulator::BedroomConfig;
 use crate::storage::{
-    GraphImages, GraphManifest, ReadOptions, RecordingReport, Recordings, ensure_same_model,
-    load_graph, sha256_file,
+    GraphImages, GraphManifest, GraphTask, ReadOptions, RecordingReport, Recordings,
+    ensure_same_model, load_graph, sha256_file,
 };
 use crate::trajectory::DemonstrationSet;
 
@@ -147,6 +147,9 @@ impl Loaded {
         let model = load_model(&composition, arguments)?;
         let folders: Vec<PathBuf> = composition.all_tasks().map(|t| t.graph.clone()).collect();
         let mut loaded = GraphFolders::load(&folders, &model)?;
+        for (task, manifest) in composition.all_tasks().zip(&loaded.manifests) {
+            ensure_same_subgoals(task, manifest, &composition.model)?;
+        }
         let exponent = model.manifest().temperature / model.temperature();
         if composition.calibration == Calibration::None {
             for graph in &mut loaded.graphs {
@@ -252,6 +255,30 @@ impl Loaded {
     }
 }
 
+/// Refuses a graph that was built when its task named other subgoals, or the same in another order: its states
+/// count those that hold.
+fn ensure_same_subgoals(
+    task: &ResolvedTask,
+    manifest: &GraphManifest,
+    model: &Path,
+) -> Result<(), CliError> {
+    let named = GraphTask::from(&task.task);
+    let built = manifest.tasks.iter().find(|t| t.name == named.name);
+    match built {
+        Some(built) if built.subgoals != named.subgoals => Err(CliError::SubgoalsDiffer {
+            command: format!(
+                "catena graph build tasks/{}.yaml --model {}",
+                named.name,
+                model.display()
+            ),
+            task: named.name,
+            named: named.subgoals.join(", "),
+            built: built.subgoals.join(", "),
+        }),
+        _ => Ok(()),
+    }
+}
+
 /// Digests of the graphs of a composition's tasks, each as `task:digest`.
 pub(super) fn graph_digests(composition: &Composition) -> Result<Vec<String>, CliError> {
     let digest = |task: &ResolvedTask| {
@@ -319,4 +346,41 @@ pub(super) fn merge_all(
 pub(super) fn show(bar: &ProgressBar, progress: GraphProgress) {
     bar.set_length(progress.total);
     bar.set_position(progress.done);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::composer::{FoundBy, TaskSpec};
+
+    #[test]
+    fn a_graph_of_other_subgoals_is_refused_with_both_lists() {
+        let resolved = |subgoals: &[&str]| {
+            let spec = TaskSpec::new("cup", "graphs/cup");
+            let all = subgoals.iter();
+            let spec = all.fold(spec, |spec, s| spec.subgoal(*s, FoundBy::Marker(None)));
+            spec.resolve(Path::new("")).expect("a sound task")
+        };
+        let built = resolved(&["door_open", "cup_grasped", "cup_in_sink"]);
+        let options = serde_json::Value::Null;
+        let tasks = std::slice::from_ref(&built.task);
+        let manifest = GraphManifest::new(tasks, "model", "demos", options);
+        let told = |task: &ResolvedTask| {
+            let checked = ensure_same_subgoals(task, &manifest, Path::new("graphs/model"));
+            checked.err().map(|e| e.to_string())
+        };
+        assert_eq!(told(&built), None);
+        let removed = told(&resolved(&["door_open", "cup_in_sink"]));
+        assert_eq!(
+            removed.as_deref(),
+            Some(
+                "the graph of task 'cup' was built with the subgoals door_open, cup_grasped, \
+                 cup_in_sink, but the task now has door_open, cup_in_sink: build its graph again \
+                 (`catena graph build tasks/cup.yaml --model graphs/model`), or give the task the \
+                 subgoals that it had"
+            )
+        );
+        let reordered = ["cup_grasped", "door_open", "cup_in_sink"];
+        assert!(told(&resolved(&reordered)).is_some());
+    }
 }

@@ -234,4 +234,19 @@ mod tests {
         );
         assert_eq!(task("a").unwrap().graph, Path::new("root/graphs/x"));
     }
+
+    #[test]
+    fn the_order_until_it_is_settled_ends_with_the_final_task() {
+        let names = ["a", "b", "c", "d", "e", "f", "g", "h"];
+        let parts = names.map(|name| Order::Task(name.to_owned()));
+        let mut builder = Composition::builder("eight")
+            .model("m")
+            .order(Order::AnyOrder(parts.to_vec()));
+        for name in names {
+            builder = builder.task(task(name).unwrap());
+        }
+        builder.spec.final_task = Some("a".to_owned().into());
+        let composition = builder.build().expect("a sound composition");
+        assert_eq!(composition.automaton.tasks().join(" "), "b c d e f g h a");
+    }
 }

@@ -46,13 +46,11 @@ impl CompositionSpec {
 
     /// The first of the orders that end as they are to.
     pub(super) fn first_order(&self, orders: &OrderAutomaton) -> Option<Vec<String>> {
-        const LOOKED_AT: usize = 1024;
-        let ends_well = |order: &&Vec<String>| match (&self.final_task, order.last()) {
-            (Some(task), Some(last)) => task.value == *last,
-            (_, last) => last.is_some(),
-        };
-        let all = orders.orders(LOOKED_AT);
-        all.iter().find(ends_well).or(all.first()).cloned()
+        let last = self.final_task.as_ref().map(|task| task.value.as_str());
+        // At most one of them is that of no task.
+        let ending = orders.orders_ending_with(last, 2);
+        let first = ending.into_iter().find(|order| !order.is_empty());
+        first.or_else(|| orders.orders(1).pop())
     }
 
     pub(super) fn check_final_task(&self, orders: &OrderAutomaton, faults: &mut Faults) {

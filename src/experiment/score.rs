@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use crate::task::Automaton;
+use crate::task::{Automaton, Subgoal};
 
 /// What became of a subgoal in an episode, by the simulator's truth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -19,7 +19,10 @@ pub enum SubgoalOutcome {
 pub struct Score {
     names: Vec<String>,
     first_step: Vec<Option<usize>>,
-    /// Whether each subgoal has not held since that of an earlier round was reached.
+    /// For each subgoal of a name that came before, the one that must be reached before it can be: of a task
+    /// that is done again, the last one of the round before.
+    opened_by: Vec<Option<usize>>,
+    /// Whether each subgoal has not held since that one was reached.
     is_free: Vec<bool>,
 }
 
@@ -27,22 +30,29 @@ impl Score {
     /// A score for the subgoals of an automaton, none of them reached.
     #[must_use]
     pub fn new(automaton: &Automaton) -> Self {
-        let names: Vec<_> = automaton
-            .subgoals()
-            .iter()
-            .map(|s| s.name.clone())
+        let subgoals = automaton.subgoals();
+        let names: Vec<_> = subgoals.iter().map(|s| s.name.clone()).collect();
+        let opened_by: Vec<_> = (0..names.len())
+            .map(|i| {
+                let before = names[..i].iter().rposition(|n| *n == names[i])?;
+                let is_round = subgoals[before] == subgoals[i];
+                Some(if is_round {
+                    last_of_round(subgoals, before)
+                } else {
+                    before
+                })
+            })
             .collect();
         Self {
             first_step: vec![None; names.len()],
-            is_free: (0..names.len())
-                .map(|i| !names[..i].contains(&names[i]))
-                .collect(),
+            is_free: opened_by.iter().map(Option::is_none).collect(),
+            opened_by,
             names,
         }
     }
 
     /// Notes which subgoals hold after `step`; a subgoal counts from the first step at which it holds. One of
-    /// a task that is done again must have ceased to hold since that of the round before was reached.
+    /// a task that is done again must have ceased to hold since the round before was over.
     pub fn observe(&mut self, step: usize, holds: impl Fn(&str) -> bool) {
         for i in 0..self.names.len() {
             let name = &self.names[i];
@@ -50,9 +60,8 @@ impl Score {
                 continue;
             }
             if !self.is_free[i] {
-                let before = self.names[..i].iter().rposition(|n| n == name);
-                let was_reached = before.is_some_and(|b| self.first_step[b].is_some());
-                self.is_free[i] = was_reached && !holds(name);
+                let is_open = self.opened_by[i].is_none_or(|b| self.first_step[b].is_some());
+                self.is_free[i] = is_open && !holds(name);
             } else if holds(name) {
                 self.first_step[i] = Some(step);
             }
@@ -108,11 +117,21 @@ impl Score {
     }
 }
 
+/// The last subgoal of the round of a task that the subgoal at `at` is of.
+fn last_of_round(subgoals: &[Subgoal], at: usize) -> usize {
+    let task = &subgoals[at].task;
+    let first = subgoals.iter().find(|s| s.task == *task);
+    let rest = subgoals[at + 1..].iter();
+    at + rest
+        .take_while(|s| s.task == *task && Some(*s) != first)
+        .count()
+}
+
 #[cfg(test)]
 mod tests {
     use super::SubgoalOutcome::{Missed, Reached, Skipped};
     use super::*;
-    use crate::task::{Subgoal, Task};
+    use crate::task::Task;
 
     fn automaton() -> Automaton {
         let subgoal = |name: &str| Subgoal {
@@ -163,6 +182,28 @@ mod tests {
         score.observe(3, |_| false);
         score.observe(4, |_| true);
         assert_eq!(score.first_steps(), [Some(1), Some(4)]);
+        assert!(score.is_success());
+    }
+
+    #[test]
+    fn what_slips_within_a_round_is_no_second_round() {
+        let once = automaton();
+        let task = Task {
+            name: "t".to_owned(),
+            subgoals: once.subgoals()[..2].to_vec(),
+        };
+        let mut score = Score::new(&Automaton::in_order(&[task.clone(), task]));
+        score.observe(1, |n| n == "a");
+        score.observe(2, |_| false);
+        score.observe(3, |n| n == "a");
+        score.observe(4, |n| n == "b");
+        assert_eq!(score.first_steps(), [Some(1), Some(4), None, None]);
+        assert_eq!(score.outcomes(), [Reached, Reached, Missed, Missed]);
+        assert_eq!(score.shortcut_step(), None);
+        score.observe(5, |_| false);
+        score.observe(6, |n| n == "a");
+        score.observe(7, |n| n == "b");
+        assert_eq!(score.first_steps(), [Some(1), Some(4), Some(6), Some(7)]);
         assert!(score.is_success());
     }
 

@@ -8,12 +8,17 @@ use serde::{Deserialize, Serialize};
 use super::TopologicalGraph;
 use super::build::trajectory_spans;
 
+/// How many states at each end of a demonstration belong to the seam of a task that follows itself, where all
+/// pairs of other tasks are scored. Within a task all pairs would take the place of its learned edges.
+const OWN_SEAM_STEPS: u32 = 10;
+
 /// Which pairs of states of different tasks are scored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CrossTaskCandidates {
     /// Every pair of every two tasks, in both directions, as in the paper: exact, and slow for
-    /// large graphs.
+    /// large graphs. Of a task that follows itself only the seam: the last ten states of its demonstrations
+    /// with the first ten.
     All,
     /// Only the seams of the order: the last states of the demonstrations of a task with the first
     /// ones of the task that comes next.
@@ -109,9 +114,12 @@ impl Candidates {
     pub(super) fn batches(&self, which: CrossTaskCandidates) -> Vec<Batch> {
         let tasks = self.nodes.len();
         match which {
-            CrossTaskCandidates::All => ordered_pairs(tasks)
-                .map(|(a, b)| self.batch(a, b, None))
-                .collect(),
+            CrossTaskCandidates::All => {
+                let own = self.seams.iter().filter(|(a, b)| a == b);
+                let own = own.map(|&(a, b)| self.batch(a, b, Some(OWN_SEAM_STEPS)));
+                let others = ordered_pairs(tasks).map(|(a, b)| self.batch(a, b, None));
+                others.chain(own).collect()
+            }
             CrossTaskCandidates::Seam { window_steps } => self.seam_batches(window_steps),
             CrossTaskCandidates::SeamAndSample {
                 window_steps,

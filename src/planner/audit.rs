@@ -88,6 +88,17 @@ impl Audit {
 /// If a node is not in the graph.
 #[must_use]
 pub fn audit(graph: &TopologicalGraph, automaton: &Automaton, route: &[NodeId]) -> Audit {
+    audit_after(graph, automaton, None, route)
+}
+
+/// The same of a route that an edge leads into from a state `before` it: whatever holds there counts for
+/// nothing, and what is to count at the route's first state must be reached there.
+pub(super) fn audit_after(
+    graph: &TopologicalGraph,
+    automaton: &Automaton,
+    before: Option<NodeId>,
+    route: &[NodeId],
+) -> Audit {
     let walker = Walker {
         graph,
         automaton,
@@ -101,9 +112,12 @@ pub fn audit(graph: &TopologicalGraph, automaton: &Automaton, route: &[NodeId]) 
     let mut occurrence = walker.next_occurrence(0, first);
     let mut here = walker.stage(occurrence, first);
     let mut furthest = here;
-    audit
-        .reached
-        .extend_from_slice(&automaton.subgoals()[..here]);
+    match before {
+        Some(before) => walker.note(&mut audit, (before, first), 0..here),
+        None => audit
+            .reached
+            .extend_from_slice(&automaton.subgoals()[..here]),
+    }
     for pair in route.windows(2) {
         let (from, to) = (pair[0], pair[1]);
         let is_seam = |e: &Edge| e.kind == EdgeKind::CrossTask;

@@ -220,8 +220,9 @@ impl Planner {
         basis: GoalBasis,
     ) -> GoalChoice {
         let places = self.places_to_goal(entry.place);
-        let is_there = self.options.lookahead_steps > 0
-            && (basis == GoalBasis::Belief || self.is_at(distances, entry.place));
+        // A route by belief begins at the robot itself, which need not go there.
+        let is_there = basis == GoalBasis::Belief
+            || (self.options.lookahead_steps > 0 && self.is_at(distances, entry.place));
         let (goal, steps) = self.look_ahead(localisation, distances, entry, &places, is_there);
         let node = self.layout.place(places[goal]).node;
         GoalChoice {

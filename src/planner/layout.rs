@@ -1,4 +1,5 @@
 use std::collections::HashSet;
+use std::ops::Range;
 
 use super::timeline::Timeline;
 use super::{PlannerError, Search};
@@ -81,11 +82,14 @@ impl Layout {
             offsets: offsets.clone(),
             search,
         };
-        let mut tasks: Vec<(&str, usize)> = automaton
+        let mut tasks: Vec<(&str, Range<usize>)> = automaton
             .tasks()
             .iter()
-            .map(String::as_str)
             .zip(offsets)
+            .map(|(task, offset)| {
+                let done = offset + subgoal_count(automaton, task);
+                (task.as_str(), offset..done)
+            })
             .collect();
         if search == Search::Unconstrained {
             layout.add_strangers(graph, &mut tasks);
@@ -97,29 +101,34 @@ impl Layout {
 
     /// The flat layout has each node once: the first occurrence of tasks, and tasks that the
     /// composition does not name behind them.
-    fn add_strangers<'g>(&self, graph: &'g TopologicalGraph, tasks: &mut Vec<(&'g str, usize)>)
-    where
+    fn add_strangers<'g>(
+        &self,
+        graph: &'g TopologicalGraph,
+        tasks: &mut Vec<(&'g str, Range<usize>)>,
+    ) where
         Self: 'g,
     {
-        let mut once: Vec<(&str, usize)> = Vec::new();
-        let strangers = graph.tasks().into_iter().map(|t| (t, self.subgoals.len()));
-        for (task, offset) in tasks.iter().copied().chain(strangers) {
+        let mut once: Vec<(&str, Range<usize>)> = Vec::new();
+        let all = self.subgoals.len();
+        let strangers = graph.tasks().into_iter().map(|t| (t, all..all));
+        for (task, stages) in tasks.iter().cloned().chain(strangers) {
             if !once.iter().any(|(t, _)| *t == task) {
                 let task = graph.tasks().into_iter().find(|t| *t == task);
-                once.extend(task.map(|t| (t, offset)));
+                once.extend(task.map(|t| (t, stages)));
             }
         }
         *tasks = once;
     }
 
+    /// Places for the nodes of each task, with the stages from which and up to which it leads.
     fn add_occurrences(
         &mut self,
         graph: &TopologicalGraph,
-        tasks: &[(&str, usize)],
+        tasks: &[(&str, Range<usize>)],
         unplaced: &HashSet<NodeId>,
     ) {
         let mut start_steps = 0.0;
-        for (occurrence, (task, offset)) in tasks.iter().enumerate() {
+        for (occurrence, (task, stages)) in tasks.iter().enumerate() {
             let timeline = Timeline::new(graph, task);
             self.starts.push(self.places.len() as u32);
             let times = timeline.time_steps.iter();
@@ -130,7 +139,7 @@ impl Layout {
                 self.places.push(Place {
                     node,
                     occurrence,
-                    stage: (offset + graph.node(node).progress as usize).min(self.subgoals.len()),
+                    stage: (stages.start + graph.node(node).progress as usize).min(stages.end),
                     time_steps: start_steps + time,
                 });
             }

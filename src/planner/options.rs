@@ -57,7 +57,8 @@ pub struct PlannerOptions {
     /// sent there.
     pub min_live_probability: f32,
     /// How many predicted steps ahead along the route the goal state may lie; below `d_max`, since
-    /// the local policy has seen no others. 0 takes the first state of the route, as in the paper.
+    /// the local policy has seen no others. 0 takes the first state of the route, as in the paper; where the
+    /// route goes on from the believed state, the one after that.
     pub lookahead_steps: u32,
 }
 

@@ -6,9 +6,6 @@ use super::{CostToGo, FinalChoice, PlaceId, PlannerError, PlannerOptions, Start,
 use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph, left_out};
 use crate::task::{OrderAutomaton, Task};
 
-/// What leaving an optional part out costs, in steps: more than any way through it.
-const LEFT_OUT_COST: f64 = 1e6;
-
 /// The cheapest of the orders that an [`OrderAutomaton`] allows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SettledOrder {
@@ -40,15 +37,16 @@ pub fn settle_order(
     (terms, options): (&Terms, &PlannerOptions),
 ) -> Result<Option<SettledOrder>, PlannerError> {
     let product = Product::new(graph, automaton, tasks)?;
-    let roads = product.roads(final_task, terms, options);
+    let ways = product.ways(final_task, terms, options);
+    let (roads, left_out) = product.roads_leaving_out_least(ways);
     let costs = CostToGo::new(&roads, &[product.goal()]);
-    let Some(total) = costs.cost(product.start()) else {
+    let Some(cost) = costs.cost(product.start()) else {
         return Ok(None);
     };
     let mut settled = SettledOrder {
         tasks: Vec::new(),
-        left_out: (total / LEFT_OUT_COST) as usize,
-        cost: total % LEFT_OUT_COST,
+        left_out,
+        cost,
         steps: 0,
     };
     let (mut here, mut last) = (product.start(), None);
@@ -74,6 +72,13 @@ struct Occurrence<'a> {
     /// The automaton's states before and after it.
     from: usize,
     to: usize,
+}
+
+/// A road, and how many optional parts it leaves out.
+#[derive(Clone, Copy)]
+struct Way {
+    road: Road,
+    skips: usize,
 }
 
 /// Graph and automaton together: the places of each occurrence, then one start and one goal.
@@ -164,8 +169,35 @@ impl<'a> Product<'a> {
         next
     }
 
-    fn roads(&self, final_task: Option<&str>, terms: &Terms, options: &PlannerOptions) -> Roads {
-        let mut roads = Vec::new();
+    /// The roads of those ways on which as few optional parts are left out as is possible from where they
+    /// begin, and how many that are from the start. A part is done however dear it is, so no price stands
+    /// for leaving it out: what the cheapest of these roads cost is all that is left to be searched.
+    fn roads_leaving_out_least(&self, ways: Vec<Way>) -> (Roads, usize) {
+        let count = self.places as usize + 2;
+        if ways.iter().all(|way| way.skips == 0) {
+            let roads = ways.into_iter().map(|way| way.road).collect();
+            return (Roads::from_roads(count, roads), 0);
+        }
+        let skipping = ways.iter().map(|way| Road {
+            cost: way.skips as f64,
+            ..way.road
+        });
+        let skipping = Roads::from_roads(count, skipping.collect());
+        let fewest = CostToGo::new(&skipping, &[self.goal()]);
+        let leaves_out_least = |way: &Way| {
+            let [from, to] = [way.road.from, way.road.to].map(|place| fewest.cost(PlaceId(place)));
+            from.zip(to)
+                .is_some_and(|(from, to)| from == way.skips as f64 + to)
+        };
+        let kept = ways.into_iter().filter(leaves_out_least);
+        let roads = Roads::from_roads(count, kept.map(|way| way.road).collect());
+        let left_out = fewest.cost(self.start()).unwrap_or(0.0);
+        (roads, left_out as usize)
+    }
+
+    /// All ways between places, from the start and to the goal.
+    fn ways(&self, final_task: Option<&str>, terms: &Terms, options: &PlannerOptions) -> Vec<Way> {
+        let mut ways = Vec::new();
         let left_out = left_out(self.graph, &options.predicted_edges);
         let avoided = terms.avoided();
         let strangers = terms.strangers();
@@ -178,7 +210,7 @@ impl<'a> Product<'a> {
         };
         for (next, skips) in self.next(0) {
             if let Some(occurrence) = next {
-                self.add_starts(&mut roads, (occurrence, skips), terms, options, &is_closed);
+                self.add_starts(&mut ways, (occurrence, skips), terms, options, &is_closed);
             }
         }
         let following: Vec<_> = self.occurrences.iter().map(|o| self.next(o.to)).collect();
@@ -189,15 +221,15 @@ impl<'a> Product<'a> {
                 let Ok(price) = road_price(options, edge, ahead) else {
                     continue;
                 };
-                let cost = price.cost + skips as f64 * LEFT_OUT_COST;
-                roads.push(Road {
+                let road = Road {
                     from: self.place(here, from),
                     to: self.place(there, to),
-                    cost,
-                    price: cost,
+                    cost: price.cost,
+                    price: price.cost,
                     steps: price.steps,
                     kind: edge.kind,
-                });
+                };
+                ways.push(Way { road, skips });
             }
         }
         for (occurrence, next) in following.iter().enumerate() {
@@ -209,17 +241,17 @@ impl<'a> Product<'a> {
             for node in self.timelines[task.name.as_str()].time_steps.keys() {
                 let is_open = !avoided.contains_key(node) && !strangers.contains(node);
                 if is_open && self.is_final(*node, task, &terms.end) {
-                    roads.push(link(self.place(occurrence, *node), self.goal().0, *skips));
+                    ways.push(link(self.place(occurrence, *node), self.goal().0, *skips));
                 }
             }
         }
-        Roads::from_roads(self.places as usize + 2, roads)
+        ways
     }
 
     /// The ways into an occurrence that may be the first one.
     fn add_starts(
         &self,
-        roads: &mut Vec<Road>,
+        ways: &mut Vec<Way>,
         (occurrence, skips): (usize, usize),
         terms: &Terms,
         options: &PlannerOptions,
@@ -250,11 +282,11 @@ impl<'a> Product<'a> {
                     let rest = timeline.length_steps - timeline.time_steps[&end];
                     let ahead = || rest + self.timelines[task.name.as_str()].time_steps[&to];
                     if let Ok(price) = road_price(options, edge, ahead) {
-                        let mut road = link(self.start().0, self.place(occurrence, to), skips);
-                        road.cost += price.cost;
-                        road.price = road.cost;
-                        road.steps = price.steps;
-                        roads.push(road);
+                        let mut way = link(self.start().0, self.place(occurrence, to), skips);
+                        way.road.cost = price.cost;
+                        way.road.price = price.cost;
+                        way.road.steps = price.steps;
+                        ways.push(way);
                     }
                 }
             }
@@ -268,7 +300,7 @@ impl<'a> Product<'a> {
             }
         };
         let starts = states.filter(is_start);
-        roads.extend(starts.map(|node| link(self.start().0, self.place(occurrence, node), skips)));
+        ways.extend(starts.map(|node| link(self.start().0, self.place(occurrence, node), skips)));
     }
 
     fn is_final(&self, node: NodeId, task: &Task, choice: &FinalChoice) -> bool {
@@ -337,14 +369,14 @@ impl<'a> Product<'a> {
 }
 
 /// A way that takes no time: into the first task, or out of the last one.
-fn link(from: u32, to: u32, skips: usize) -> Road {
-    let cost = skips as f64 * LEFT_OUT_COST;
-    Road {
+fn link(from: u32, to: u32, skips: usize) -> Way {
+    let road = Road {
         from,
         to,
-        cost,
-        price: cost,
+        cost: 0.0,
+        price: 0.0,
         steps: 0,
         kind: EdgeKind::CrossTask,
-    }
+    };
+    Way { road, skips }
 }

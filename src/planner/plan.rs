@@ -1,6 +1,7 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::{Arc, OnceLock};
 
+use super::audit::audit_after;
 use super::choice::open_final_places;
 use super::no_path::{explain, explain_no_entry};
 use super::outset::Outset;
@@ -8,7 +9,7 @@ use super::roads::Roads;
 use super::source::{Source, sources};
 use super::{
     Audit, CostToGo, FilterOptions, FinalChoice, Layout, NoPath, PlaceId, PlannerError,
-    PlannerOptions, Search, StageFilter, Start, Terms, audit,
+    PlannerOptions, Search, StageFilter, Start, Terms,
 };
 use crate::graph::{NodeId, StageClassifier, TopologicalGraph, left_out};
 use crate::task::Automaton;
@@ -24,6 +25,9 @@ pub struct Plan {
     pub cost: f64,
     /// Predicted time steps.
     pub steps: u32,
+    /// Whether its first state only leads into the composition: the end of the task after which the robot
+    /// [starts](Start::After), at which nothing is done yet even where that task is to be done, too.
+    pub begins_before: bool,
 }
 
 /// Plans on a graph that stays, from wherever the robot is; see the [module](super) for how.
@@ -221,6 +225,7 @@ impl Planner {
             plan.stages.insert(0, 0);
             plan.cost += source.cost;
             plan.steps += source.steps;
+            plan.begins_before = true;
         }
         plan
     }
@@ -280,13 +285,18 @@ impl Planner {
             stages: places.iter().map(|p| self.layout.place(*p).stage).collect(),
             cost: self.costs.cost(start).unwrap_or(f64::INFINITY),
             steps,
+            begins_before: false,
         }
     }
 
     /// Which subgoals a plan skips, and by which edges.
     #[must_use]
     pub fn audit(&self, plan: &Plan) -> Audit {
-        audit(&self.graph, &self.automaton, &plan.route)
+        let (before, route) = match plan.route.split_first() {
+            Some((before, route)) if plan.begins_before => (Some(*before), route),
+            _ => (None, plan.route.as_slice()),
+        };
+        audit_after(&self.graph, &self.automaton, before, route)
     }
 
     /// A filter that says where in the composition the robot is, at the beginning where the

@@ -7,7 +7,7 @@ use crate::graph::NodeId;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Source {
     pub(super) place: PlaceId,
-    /// The state before it, of a task that the composition does not do.
+    /// The state before it, at the end of the task after which the robot starts.
     pub(super) before: Option<NodeId>,
     /// What the edge from there costs; 0 without.
     pub(super) cost: f64,

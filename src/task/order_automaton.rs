@@ -3,6 +3,7 @@ use std::collections::BTreeSet;
 use thiserror::Error;
 
 use super::Order;
+use super::order_walk::OrderWalk;
 
 /// A step of an [`OrderAutomaton`].
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -172,8 +173,10 @@ impl OrderAutomaton {
     }
 
     /// The transitions that leave a state.
-    fn leaving(&self, state: usize) -> impl Iterator<Item = &OrderTransition> {
-        self.transitions.iter().filter(move |t| t.from == state)
+    pub(super) fn leaving(&self, state: usize) -> impl Iterator<Item = &OrderTransition> {
+        let first = self.transitions.partition_point(|t| t.from < state);
+        let rest = self.transitions[first..].iter();
+        rest.take_while(move |t| t.from == state)
     }
 
     /// The state at which everything is done.
@@ -282,12 +285,17 @@ impl OrderAutomaton {
         ways
     }
 
-    /// The orders of tasks that it allows, at most `count` of them.
+    /// The orders of tasks that it allows, each once, at most `count` of them.
     #[must_use]
     pub fn orders(&self, count: usize) -> Vec<Vec<String>> {
-        let mut found = Vec::new();
-        self.collect(0, &mut Vec::new(), count, &mut found);
-        found
+        OrderWalk::new(self, None, count).orders()
+    }
+
+    /// Those of its orders whose last task is the one given, at most `count` of them; without one, all
+    /// orders, also that of no task.
+    #[must_use]
+    pub fn orders_ending_with(&self, last: Option<&str>, count: usize) -> Vec<Vec<String>> {
+        OrderWalk::new(self, last, count).orders()
     }
 
     /// The transitions, as indices, of a way on which these tasks are done in this order, if there is one.
@@ -326,31 +334,6 @@ impl OrderAutomaton {
         }
         dead.insert((state, tasks.len()));
         false
-    }
-
-    fn collect(
-        &self,
-        state: usize,
-        done: &mut Vec<String>,
-        count: usize,
-        found: &mut Vec<Vec<String>>,
-    ) {
-        if state == self.last_state() {
-            if found.len() < count && !found.contains(done) {
-                found.push(done.clone());
-            }
-            return;
-        }
-        for transition in self.leaving(state) {
-            if found.len() >= count {
-                return;
-            }
-            done.extend(transition.task.clone());
-            self.collect(transition.to, done, count, found);
-            if transition.task.is_some() {
-                done.pop();
-            }
-        }
     }
 }
 
@@ -466,5 +449,42 @@ mod tests {
         assert_eq!(orders(&order), ["a", ""]);
         let automaton = OrderAutomaton::new(&order).expect("it is small");
         assert_eq!(automaton.skipped_to(0), [(0, 0), (1, 1)]);
+    }
+
+    #[test]
+    fn orders_that_many_ways_come_by_are_given_once_and_at_once() {
+        let order = Order::Repeat(60, Box::new(Order::Optional(Box::new(task("a")))));
+        let automaton = OrderAutomaton::new(&order).expect("it is small");
+        assert_eq!(automaton.way_count(), 1 << 60);
+        let lengths: Vec<usize> = automaton.orders(100).iter().map(Vec::len).collect();
+        assert_eq!(lengths, (0..=60).rev().collect::<Vec<_>>());
+        let both = Order::AnyOrder(vec![
+            Order::Optional(Box::new(task("a"))),
+            Order::Optional(Box::new(task("b"))),
+        ]);
+        assert_eq!(orders(&both), ["a b", "a", "b a", "b", ""]);
+    }
+
+    #[test]
+    fn orders_that_end_with_a_task_are_found_behind_many_that_do_not() {
+        let names = ["a", "b", "c", "d", "e", "f", "g", "h"];
+        let order = Order::AnyOrder(names.map(task).to_vec());
+        let automaton = OrderAutomaton::new(&order).expect("it is small");
+        let ending = automaton.orders_ending_with(Some("a"), 64);
+        assert_eq!(ending.len(), 64);
+        let ends_well = |order: &Vec<String>| order.len() == 8 && order[7] == "a";
+        assert!(ending.iter().all(ends_well));
+        assert_eq!(ending[0].join(" "), "b c d e f g h a");
+        assert!(automaton.orders_ending_with(Some("i"), 64).is_empty());
+        let optional = Order::InOrder(vec![
+            Order::Choice(vec![task("a"), task("b")]),
+            Order::Optional(Box::new(task("a"))),
+            Order::Optional(Box::new(task("c"))),
+        ]);
+        let automaton = OrderAutomaton::new(&optional).expect("it is small");
+        assert_eq!(
+            automaton.orders_ending_with(Some("a"), 64),
+            [vec!["a", "a"], vec!["a"], vec!["b", "a"]]
+        );
     }
 }

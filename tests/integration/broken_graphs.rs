@@ -284,6 +284,22 @@ fn a_graph_of_another_model_is_told_with_folder_and_both_digests() {
 }
 
 #[test]
+fn a_graph_of_other_subgoals_is_told_with_both_lists() {
+    let folder = Folder::new();
+    let before = ["sock_grasped", "drawer_open", "sock_in_box"];
+    folder.change_manifest(|manifest| manifest["tasks"][0]["subgoals"] = before.to_vec().into());
+    assert_names(
+        &folder.told_by_compose(),
+        &[
+            "'sock'",
+            "sock_grasped, drawer_open, sock_in_box",
+            "drawer_open, sock_grasped, sock_in_box",
+            "catena graph build tasks/sock.yaml",
+        ],
+    );
+}
+
+#[test]
 fn an_edge_that_stands_twice_is_told_with_both_rows() {
     let folder = Folder::new();
     folder.change_table("edges.parquet", |batch| {

@@ -100,6 +100,37 @@ fn all_candidates_and_a_large_sample_find_the_same_edges() {
 }
 
 #[test]
+fn a_task_that_follows_itself_has_a_seam_also_where_all_pairs_are_scored() {
+    let mut twice = TopologicalGraph::new(3, D_MAX);
+    for (id, start) in [("a0", 0_u8), ("a1", 20)] {
+        let points = (start..start + 20).map(|x| vec![f32::from(x), 0.0, 0.0]);
+        let points: Vec<Vec<f32>> = points.collect();
+        add_demonstration(&mut twice, &task("a", &["done"]), id, &points, &[19]);
+    }
+    let (_, b) = two_tasks();
+    let oracle = Oracle::new(D_MAX, forward);
+    let merged = |candidates| {
+        let options = MergeOptions {
+            candidates,
+            seam_floor: 0,
+            ..MergeOptions::default()
+        };
+        merge(&[&twice, &b], &[("a", "a")], &oracle, &options, &silent).expect("the graphs fit")
+    };
+    let all = merged(CrossTaskCandidates::All);
+    let seams = merged(CrossTaskCandidates::Seam { window_steps: 10 });
+    assert_eq!(all.report.seams, seams.report.seams);
+    let seam = &all.report.seams[0];
+    assert_eq!((seam.from_task.as_str(), seam.to_task.as_str()), ("a", "a"));
+    // 16 to 19 of the first demonstration to 20 to 23 of the second, where they are less than 5 apart.
+    assert_eq!(seam.accepted, 10);
+    let kind = |from, to| all.graph.edge(NodeId(from), NodeId(to)).map(|e| e.kind);
+    assert_eq!(kind(19, 20), Some(EdgeKind::CrossTask));
+    assert_eq!(kind(18, 19), Some(EdgeKind::Temporal));
+    assert_eq!(kind(5, 7), None);
+}
+
+#[test]
 fn merging_what_does_not_belong_together_is_refused() {
     let (a, _) = two_tasks();
     let oracle = Oracle::new(D_MAX, forward);

@@ -1,7 +1,9 @@
+use std::collections::BTreeSet;
+
 use super::parts::{Trip, probability};
 use super::{EndCandidate, TaskEnds};
 use crate::planner::choice::open_final_places;
-use crate::planner::layout::stage_offsets;
+use crate::planner::layout::{stage_offsets, subgoal_count};
 use crate::planner::roads::Roads;
 use crate::planner::source::Source;
 use crate::planner::{CostToGo, FinalChoice, PlaceId, Planner, Search};
@@ -74,7 +76,6 @@ fn onward_probability(planner: &Planner, place: PlaceId) -> f64 {
 pub(super) fn ends(planner: &Planner, trip: &Trip) -> Vec<TaskEnds> {
     let outward = Outward::new(planner);
     let tasks = planner.automaton().tasks();
-    let offsets = stage_offsets(planner.automaton());
     let first = trip
         .places
         .first()
@@ -87,13 +88,13 @@ pub(super) fn ends(planner: &Planner, trip: &Trip) -> Vec<TaskEnds> {
     (entered..tasks.len())
         .map(|occurrence| {
             let is_last = occurrence + 1 == tasks.len();
-            let due = offsets.get(occurrence + 1).copied();
-            let due = due.unwrap_or(planner.automaton().subgoals().len());
+            let (placed, due) = placed(planner, occurrence);
             let work = Work {
                 planner,
                 trip,
                 outward: &outward,
                 occurrence,
+                placed,
                 due,
                 is_last,
             };
@@ -102,12 +103,32 @@ pub(super) fn ends(planner: &Planner, trip: &Trip) -> Vec<TaskEnds> {
         .collect()
 }
 
+/// As which occurrence the layout has a task, and the stage at which it is done there: where subgoals have no
+/// order, it has each task once, at the stages of the first time that it is done.
+fn placed(planner: &Planner, occurrence: usize) -> (usize, usize) {
+    let automaton = planner.automaton();
+    let tasks = automaton.tasks();
+    let task = &tasks[occurrence];
+    let (first, placed) = match planner.layout.search() {
+        Search::InOrder => (occurrence, occurrence),
+        Search::Unconstrained => {
+            let first = tasks.iter().position(|t| t == task).unwrap_or(occurrence);
+            let before: BTreeSet<&String> = tasks[..first].iter().collect();
+            (first, before.len())
+        }
+    };
+    let due = stage_offsets(automaton)[first] + subgoal_count(automaton, task);
+    (placed, due)
+}
+
 /// What is asked about one task.
 struct Work<'a> {
     planner: &'a Planner,
     trip: &'a Trip,
     outward: &'a Outward,
     occurrence: usize,
+    /// Which occurrence that is in the layout.
+    placed: usize,
     /// The stage at which it is done.
     due: usize,
     /// Whether its end is the end of all.
@@ -119,7 +140,7 @@ impl Work<'_> {
     fn done(&self) -> Vec<PlaceId> {
         let is_done = |id: &PlaceId| {
             let place = self.planner.layout.place(*id);
-            place.occurrence == self.occurrence && place.stage >= self.due
+            place.occurrence == self.placed && place.stage >= self.due
         };
         self.planner.all_places().filter(is_done).collect()
     }

@@ -17,9 +17,8 @@ pub(super) fn explain(
 ) -> OrdersExplained {
     let chosen = planner.automaton().tasks();
     let mut explained: Vec<OrderExplained> = orders
-        .orders(PLANNED)
+        .orders_ending_with(final_task, PLANNED)
         .into_iter()
-        .filter(|order| final_task.is_none_or(|task| order.last().is_some_and(|l| l == task)))
         .filter(|order| !order.is_empty() && order != chosen)
         .map(|order| {
             let plan = plan_in(planner, tasks, &order);

@@ -318,6 +318,26 @@ fn goal_lies_ahead_on_the_route_but_not_past_the_due_subgoal() {
 }
 
 #[test]
+fn without_lookahead_the_goal_is_the_state_after_the_believed_one() {
+    let graph = Arc::new(merged());
+    let options = PlannerOptions {
+        lookahead_steps: 0,
+        ..PlannerOptions::default()
+    };
+    let planner = Planner::new(graph.clone(), &automaton(), &FinalChoice::Cheapest, options)
+        .expect("the corridor has a composition");
+    let mut filter = planner.stage_filter(FilterOptions::default());
+    let here = walk(&graph, &mut filter, steps_to(3))
+        .pop()
+        .expect("a step was made");
+    let goal = planner
+        .next_goal(&here, &seen_from(&graph, 3.0))
+        .expect("a way");
+    assert_eq!((goal.route[0], goal.basis), (here.node, GoalBasis::Belief));
+    assert_eq!(goal.node, goal.route[1]);
+}
+
+#[test]
 fn plan_goes_on_by_belief_when_nothing_is_near() {
     let (graph, planner, mut filter) = set_up();
     let here = walk(&graph, &mut filter, steps_to(5))

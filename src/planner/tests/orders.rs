@@ -5,9 +5,13 @@ use rand::Rng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
+use super::corridor::{D_MAX, learned};
 use super::worlds::{World, free_options, random_world};
-use crate::graph::NodeId;
-use crate::planner::{AvoidedRegion, Planner, PlannerOptions, Search, Start, Terms, settle_order};
+use crate::graph::fakes::{add_demonstration, task};
+use crate::graph::{EdgeKind, NodeId, TopologicalGraph};
+use crate::planner::{
+    AvoidedRegion, EdgeCost, Planner, PlannerOptions, Search, Start, Terms, settle_order,
+};
 use crate::task::{Automaton, Order, OrderAutomaton, Task};
 
 /// The tasks of a world, in some order of theirs that may leave things open.
@@ -130,4 +134,43 @@ proptest! {
             (settled, best) => prop_assert!(false, "{settled:?} and {best:?} of {order:?}"),
         }
     }
+}
+
+#[test]
+fn an_optional_part_is_done_however_dear_its_seams_are() {
+    let tasks = ["a", "b", "c"].map(|name| task(name, &["done"]));
+    let states = [vec![0.0], vec![1.0]];
+    let settled = |seams: &[(usize, usize, f32)]| {
+        let mut graph = TopologicalGraph::new(1, D_MAX);
+        let ends = tasks
+            .each_ref()
+            .map(|task| add_demonstration(&mut graph, task, &task.name, &states, &[1]));
+        for (from, to, probability) in seams {
+            let seam = learned(EdgeKind::CrossTask, 1, *probability);
+            graph.add_edge(ends[*from][1], ends[*to][0], seam);
+        }
+        let [a, b, c] = tasks.each_ref().map(|t| Order::Task(t.name.clone()));
+        let order = Order::InOrder(vec![a, Order::Optional(Box::new(b)), c]);
+        let automaton = OrderAutomaton::new(&order).expect("it is small");
+        let options = PlannerOptions {
+            cost: EdgeCost::Expected {
+                disconnected_steps: 1e6,
+            },
+            ..PlannerOptions::default()
+        };
+        let how = (&Terms::default(), &options);
+        settle_order(&graph, &automaton, &tasks, None, how)
+            .expect("the graph has all tasks")
+            .expect("a way")
+    };
+    // Each of two seams that hold with probability 0.3 costs 0.7 million steps.
+    let dear = settled(&[(0, 1, 0.3), (1, 2, 0.3), (0, 2, 0.99)]);
+    assert_eq!((dear.tasks.join(" ").as_str(), dear.left_out), ("a b c", 0));
+    assert!((dear.cost - 1.4e6).abs() < 10.0, "{}", dear.cost);
+    let without = settled(&[(0, 1, 0.3), (0, 2, 0.3)]);
+    assert_eq!(
+        (without.tasks.join(" ").as_str(), without.left_out),
+        ("a c", 1)
+    );
+    assert!((without.cost - 0.7e6).abs() < 10.0, "{}", without.cost);
 }

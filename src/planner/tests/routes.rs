@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::corridor::{automaton, learned, merged, node_at, tasks};
 use crate::graph::{EdgeKind, PruneOptions, TopologicalGraph, prune};
 use crate::planner::{
-    EdgeChoice, FinalChoice, Gap, Planner, PlannerError, PlannerOptions, Search, SuspectEdge,
-    audit, suspects,
+    EdgeChoice, FinalChoice, Gap, Layout, Planner, PlannerError, PlannerOptions, Search,
+    SuspectEdge, audit, suspects,
 };
 use crate::task::Automaton;
 
@@ -280,6 +280,22 @@ fn compositions_that_do_not_fit_the_graph_are_refused() {
     let empty = Arc::new(TopologicalGraph::new(1, 5));
     let error = Planner::new(empty, &automaton(), &FinalChoice::Cheapest, all_edges());
     assert_eq!(error.unwrap_err(), PlannerError::NoStates);
+}
+
+#[test]
+fn what_a_graph_reaches_beyond_its_task_is_no_subgoal_of_the_next() {
+    let [_, b] = tasks();
+    let shorter = crate::graph::fakes::task("a", &["first"]);
+    let automaton = Automaton::in_order(&[shorter, b]);
+    for search in [Search::InOrder, Search::Unconstrained] {
+        let layout = Layout::new(&merged(), &automaton, search).expect("the corridor has both");
+        let last = |occurrence| {
+            let places = layout.places().iter();
+            let own = places.filter(|place| place.occurrence == occurrence);
+            own.map(|place| place.stage).max()
+        };
+        assert_eq!((last(0), last(1)), (Some(1), Some(3)));
+    }
 }
 
 #[test]

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use proptest::prelude::*;
 use rand::Rng;
 
-use super::corridor::{automaton, merged, node_at, seen_from, tasks};
+use super::corridor::{automaton, learned, merged, node_at, seen_from, tasks};
 use super::worlds::{free_options, random_world, somewhere};
-use crate::graph::{NodeId, TopologicalGraph, mark_subgoal, states_in};
+use crate::graph::{EdgeKind, NodeId, TopologicalGraph, mark_subgoal, states_in};
 use crate::planner::{
     AvoidedRegion, EdgeChoice, Explanation, FilterOptions, FinalChoice, Planner, PlannerError,
     PlannerOptions, Search, Start, Terms,
@@ -47,6 +47,17 @@ fn corridor_planner(terms: Terms) -> Planner {
 fn across(graph: &TopologicalGraph, task: &str, step: u32) -> Vec<NodeId> {
     let region = Region::of(task).steps(step..=step);
     states_in(graph, &region, &[]).expect("there are three")
+}
+
+/// The corridor with edges that lead from an end of each task back to the start of `a`.
+fn around() -> Arc<TopologicalGraph> {
+    let mut graph = merged();
+    let start = node_at(&graph, "a2", 0);
+    for demonstration in ["a0", "b0"] {
+        let end = node_at(&graph, demonstration, 19);
+        graph.add_edge(end, start, learned(EdgeKind::CrossTask, 1, 0.9));
+    }
+    Arc::new(graph)
 }
 
 proptest! {
@@ -271,6 +282,58 @@ fn a_plan_after_another_task_begins_at_its_end() {
     let seen = filter.update(&seen_from(&graph, 22.0));
     assert_eq!(graph.node(seen.node).task, "b");
     assert!(matches!(after("c"), Err(PlannerError::UnknownStart { .. })));
+}
+
+#[test]
+fn the_end_of_a_task_before_the_plan_counts_for_nothing_though_the_task_is_done_again() {
+    let graph = around();
+    let [a, b] = tasks();
+    for order in [[b.clone(), a.clone()], [a, b]] {
+        let automaton = Automaton::in_order(&order);
+        let terms = starting(Start::After("a".to_owned()));
+        let planner = Planner::new(graph.clone(), &automaton, terms, options());
+        let planner = planner.expect("both tasks are there");
+        let mut plan = planner.plan_from_start().expect("a seam leads over");
+        assert!(plan.begins_before && graph.node(plan.route[0]).is_end);
+        let audit = planner.audit(&plan);
+        assert!(audit.is_clean() && audit.setbacks.is_empty(), "{audit:?}");
+        assert_eq!(audit.reached, automaton.subgoals());
+        plan.route.truncate(2);
+        assert_eq!(planner.audit(&plan).missed, automaton.subgoals());
+    }
+}
+
+#[test]
+fn the_ends_of_a_last_task_are_counted_also_where_each_task_is_laid_out_once() {
+    let [a, b] = tasks();
+    let rounds = [[a.clone(), b.clone(), a.clone()], [a.clone(), a, b]];
+    for (order, last) in rounds.iter().zip(["a", "b"]) {
+        let automaton = Automaton::in_order(order);
+        let choice = &FinalChoice::Cheapest;
+        let planner = Planner::new(around(), &automaton, choice, PlannerOptions::paper());
+        let names = automaton.tasks().iter().map(|t| Order::Task(t.clone()));
+        let orders = OrderAutomaton::new(&Order::InOrder(names.collect())).expect("it is small");
+        let planner = planner.expect("both tasks are there");
+        let explained = Explanation::new(&planner, &orders, &[], None).expect("a way leads there");
+        let [ends] = &explained.ends[..] else {
+            panic!("{:?}", explained.ends)
+        };
+        assert_eq!((ends.task.as_str(), ends.occurrence), (last, 2));
+        assert_eq!((ends.end_states, ends.leading_on), (3, 3));
+    }
+}
+
+#[test]
+fn orders_that_end_with_the_final_task_are_explained_behind_many_that_do_not() {
+    let planner = corridor_planner(Terms::default());
+    let parts = ["a", "b", "c", "d", "e", "f"].map(|name| Order::Task(name.to_owned()));
+    let orders = OrderAutomaton::new(&Order::AnyOrder(parts.to_vec())).expect("it is small");
+    let explained = Explanation::new(&planner, &orders, &[], Some("a")).expect("a way");
+    let orders = explained.orders;
+    // As many as are planned, none of which connects without its tasks, and that of the plan.
+    assert_eq!((orders.planned, orders.connected), (64 + 1, 1));
+    let mut others = orders.listed.iter().filter(|order| !order.is_chosen);
+    assert!(others.all(|order| order.tasks.last().is_some_and(|task| task == "a")));
 }
 
 #[test]
