@@ -27,6 +27,7 @@ mod mapping;
 mod messages;
 mod nearest;
 mod pixels;
+mod place;
 mod recording;
 mod recordings;
 mod replace;
@@ -47,12 +48,14 @@ pub use digest::sha256_file;
 pub use episode::{EpisodeWriter, RecordingMetadata, write_trajectory};
 pub use error::StorageError;
 pub use graph_folder::{
-    check_graph_place, load_graph, load_manifest, save_graph, save_graph_with_images,
+    check_graph_files, check_graph_place, load_graph, load_manifest, save_graph,
+    save_graph_with_images,
 };
 pub use graph_images::{GraphImage, GraphImages};
 pub use manifest::{FileDigest, GraphManifest, GraphTask, ensure_same_model};
 pub(crate) use mapping::MAX_BINS;
 pub(crate) use nearest::nearest;
+pub use place::what_would_be_lost;
 pub use recording::{Recording, inspect, read_trajectory};
 pub use recordings::Recordings;
 pub use replace::write_file;

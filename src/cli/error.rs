@@ -88,6 +88,21 @@ pub(super) enum CliError {
         /// Why not.
         reason: String,
     },
+    /// A graph was built when its task had other subgoals.
+    #[error(
+        "the graph of task '{task}' was built with the subgoals {built}, but the task now has {named}: build its graph \
+         again (`{command}`), or give the task the subgoals that it had"
+    )]
+    SubgoalsDiffer {
+        /// The task.
+        task: String,
+        /// The subgoals of the graph, in order.
+        built: String,
+        /// Those of the task.
+        named: String,
+        /// What builds the graph again.
+        command: String,
+    },
     /// A merged graph would take the place of one that it is made of.
     #[error("{} is one of the graphs to be merged: name another folder with --out", graph.display())]
     MergedIntoItself {
@@ -128,6 +143,29 @@ pub(super) enum CliError {
     OutIsFile {
         /// The file.
         path: PathBuf,
+    },
+    /// A model would go where other things are.
+    #[error(
+        "{} {what}, which is no part of a model, and a model would be written over what is there: name a folder of its \
+         own with --out, one that is empty or not there, or one with a model",
+        path.display()
+    )]
+    OutHoldsOthers {
+        /// The folder.
+        path: PathBuf,
+        /// What is there.
+        what: String,
+    },
+    /// A run folder in a model's folder, which is to hold nothing but what deploys.
+    #[error(
+        "the run folder {} lies in the model's folder {}: name one beside it with --run, or leave --run out",
+        run.display(), model.display()
+    )]
+    RunInModel {
+        /// The run folder.
+        run: PathBuf,
+        /// The model's folder.
+        model: PathBuf,
     },
     /// A method that the experiment does not have.
     #[error("there is no method '{found}' in this experiment; there are: {known}")]
@@ -292,6 +330,30 @@ pub(super) enum CliError {
         /// What was asked for.
         wanted: usize,
     },
+    /// A file that would count as recorded was recorded with other flags.
+    #[error(
+        "{} was recorded otherwise, as {found}, and {wanted} is asked for: name another folder with --out",
+        file.display()
+    )]
+    RecordedOtherwise {
+        /// The file.
+        file: PathBuf,
+        /// What it is of.
+        found: String,
+        /// What is asked for.
+        wanted: String,
+    },
+    /// The episodes of a recording would have seeds that no number can hold.
+    #[error(
+        "--seed {seed} is too large: the episodes' seeds are a million times it and more, which leaves room up to \
+         --seed {most}"
+    )]
+    SeedTooLarge {
+        /// What was given.
+        seed: u64,
+        /// The largest that there is room for.
+        most: u64,
+    },
     /// A stage that a run cannot begin at.
     #[error("a run cannot be resumed from '{found}'; it can from: {known}")]
     UnknownStage {
@@ -310,6 +372,15 @@ pub(super) enum CliError {
         recording: PathBuf,
         /// The composition.
         composition: String,
+    },
+    /// A run would replace the recording that it goes on from.
+    #[error(
+        "{} is the recording to resume from, and this run's would take its place: name another folder with --out",
+        recording.display()
+    )]
+    ResumedIntoItself {
+        /// The recording.
+        recording: PathBuf,
     },
     /// A composition without a simulated world that is known here.
     #[error(

@@ -1,5 +1,5 @@
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -23,8 +23,8 @@ use crate::graph::{
 use crate::inference::Model;
 use crate::planner::{SuspectEdge, suspects};
 use crate::storage::{
-    BuildFolder, GraphImage, GraphManifest, Recordings, check_graph_place, load_graph,
-    load_manifest, save_graph,
+    BuildFolder, GraphImage, GraphManifest, Recordings, check_graph_files, check_graph_place,
+    load_graph, load_manifest, save_graph,
 };
 use crate::task::{Subgoal, Task, locate_subgoals};
 use crate::trajectory::DemonstrationSet;
@@ -89,22 +89,17 @@ fn build_graph(
         ..BuildOptions::default()
     };
     let recordings = Recordings::open(&paths, &read_options(&build_arguments.read))?;
-    let digest = recordings.digest()?;
-    if is_up_to_date(
-        &out,
-        &model.digest(),
-        &digest,
-        &serde_json::to_value(&options)?,
-    ) {
-        println!("{} is up to date", out.display());
-        return Ok(());
-    }
     let mut manifest = GraphManifest::new(
         std::slice::from_ref(&task.task),
         model.digest(),
-        digest,
+        recordings.digest()?,
         serde_json::to_value(&options)?,
     );
+    manifest.subgoal_rules = Some(task.rules.clone());
+    if is_up_to_date(&out, &manifest) {
+        println!("{} is up to date", out.display());
+        return Ok(());
+    }
     let mut folder = BuildFolder::open(&out, &manifest, options.part_pairs)?;
     let (set, _) = read_demonstrations(&recordings, &task.task.name)?;
     let set = in_model_space(&set, &model)?;
@@ -171,18 +166,16 @@ fn in_words(scoring: &ScoringReport) -> String {
     )
 }
 
-/// Whether a graph of the same model, demonstrations and options is there: a killed build goes on with
-/// the tasks that are missing.
-fn is_up_to_date(
-    folder: &std::path::Path,
-    model: &str,
-    demonstrations: &str,
-    options: &serde_json::Value,
-) -> bool {
-    load_manifest(folder).is_ok_and(|m| {
-        m.model_digest == model
-            && m.demonstrations_digest == demonstrations
-            && m.build_options == *options
+/// Whether the graph that is wanted is there, whole: a killed build goes on with the tasks that are missing. One
+/// that does not say by which rules its subgoals were found was built before that was written down, and counts.
+fn is_up_to_date(folder: &Path, wanted: &GraphManifest) -> bool {
+    load_manifest(folder).is_ok_and(|found| {
+        found.tasks == wanted.tasks
+            && found.model_digest == wanted.model_digest
+            && found.demonstrations_digest == wanted.demonstrations_digest
+            && found.build_options == wanted.build_options
+            && (found.subgoal_rules.is_none() || found.subgoal_rules == wanted.subgoal_rules)
+            && check_graph_files(folder, &found).is_ok()
     })
 }
 
@@ -327,4 +320,75 @@ fn print_suspects(graph: &TopologicalGraph, found: &[SuspectEdge]) {
 /// Where a folder would go; kept here so that commands name it alike.
 pub(super) fn results_folder(name: &str) -> PathBuf {
     PathBuf::from("out").join(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::task::{SubgoalDetection, SubgoalRule};
+
+    /// The manifest of a graph of the task `sock`, whose last subgoal ends it.
+    fn wanted(subgoals: [&str; 2]) -> GraphManifest {
+        let subgoals = subgoals.map(|name| Subgoal {
+            task: "sock".to_owned(),
+            name: name.to_owned(),
+        });
+        let [held, _] = &subgoals;
+        let marker = SubgoalDetection::Marker(held.name.clone());
+        let rules = subgoals.iter().zip([marker, SubgoalDetection::End]);
+        let rules = rules.map(|(subgoal, detection)| SubgoalRule {
+            subgoal: subgoal.clone(),
+            detection,
+        });
+        let rules: Vec<SubgoalRule> = rules.collect();
+        let task = Task {
+            name: "sock".to_owned(),
+            subgoals: subgoals.to_vec(),
+        };
+        let options = serde_json::json!({ "encode_batch": 64 });
+        let mut manifest = GraphManifest::new(&[task], "model", "demonstrations", options);
+        manifest.subgoal_rules = Some(rules);
+        manifest
+    }
+
+    #[test]
+    fn a_graph_of_other_subgoals_or_with_a_broken_table_is_built_again() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("sock");
+        let manifest = wanted(["held", "stowed"]);
+        assert!(!is_up_to_date(&folder, &manifest), "nothing is there");
+        let graph = TopologicalGraph::new(3, 5);
+        save_graph(&folder, &graph, &manifest).unwrap();
+        assert!(is_up_to_date(&folder, &manifest));
+        assert!(!is_up_to_date(&folder, &wanted(["stowed", "held"])));
+        assert!(!is_up_to_date(&folder, &wanted(["held", "put_away"])));
+        let mut other = manifest.clone();
+        other.tasks[0].name = "trash".to_owned();
+        assert!(!is_up_to_date(&folder, &other));
+        let mut found_otherwise = manifest.clone();
+        found_otherwise.subgoal_rules.as_mut().unwrap()[0].detection = SubgoalDetection::End;
+        assert!(!is_up_to_date(&folder, &found_otherwise));
+        let edges = folder.join("edges.parquet");
+        let mut bytes = fs::read(&edges).unwrap();
+        bytes[5] ^= 1;
+        fs::write(&edges, &bytes).unwrap();
+        assert!(!is_up_to_date(&folder, &manifest), "the table was changed");
+        fs::remove_file(&edges).unwrap();
+        assert!(!is_up_to_date(&folder, &manifest), "the table is gone");
+        // Built before rules were written down.
+        let mut older = manifest.clone();
+        older.subgoal_rules = None;
+        save_graph(&folder, &graph, &older).unwrap();
+        assert!(is_up_to_date(&folder, &manifest));
+    }
+
+    #[test]
+    fn a_shipped_graph_is_whole_and_says_no_rules() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/bedroom/wine");
+        let found = load_manifest(&folder).unwrap();
+        assert_eq!(found.subgoal_rules, None);
+        let mut wanted = found.clone();
+        wanted.subgoal_rules = Some(Vec::new());
+        assert!(is_up_to_date(&folder, &wanted));
+    }
 }

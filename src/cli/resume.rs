@@ -1,7 +1,8 @@
 //! `catena run --resume`: where an earlier run is gone on from.
 
 use std::fmt;
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -66,12 +67,25 @@ pub(super) fn folder(name: &str, stage: usize) -> PathBuf {
     results_folder(name).join(format!("from_stage_{stage}"))
 }
 
+/// Checks that the recording that is gone on from is not where the run's own is to be.
+fn check_kept(recording: &Path, out: &Path) -> Result<(), CliError> {
+    let kept = fs::canonicalize(recording);
+    let replaced = fs::canonicalize(out.join(RECORDING));
+    if kept.is_ok_and(|kept| replaced.is_ok_and(|replaced| kept == replaced)) {
+        return Err(CliError::ResumedIntoItself {
+            recording: recording.to_owned(),
+        });
+    }
+    Ok(())
+}
+
 /// The room as the recorded run left it when the stage began, what is to be said of it, and the recorded steps up to
-/// then, the last one of which only its pictures count.
+/// then, the last one of which only its pictures count. `out` is the folder that the run leaves its files in.
 pub(super) fn room(
     loaded: &Loaded,
     run_arguments: &RunArguments,
     stage: usize,
+    out: &Path,
 ) -> Result<(ResumedBedroom, ResumeReport, Vec<Step>), CliError> {
     let composition = &loaded.composition;
     let earlier = || results_folder(&composition.name).join(RECORDING);
@@ -82,6 +96,7 @@ pub(super) fn room(
             composition: composition.name.clone(),
         });
     }
+    check_kept(&path, out)?;
     let recording = read_trajectory(&path)?;
     let seed = recording
         .report
@@ -109,6 +124,27 @@ pub(super) fn room(
 mod tests {
     use super::*;
     use crate::task::{Subgoal, Task};
+
+    #[test]
+    fn a_run_does_not_replace_the_recording_that_it_goes_on_from() {
+        let root = tempfile::tempdir().unwrap();
+        let [first, second] = ["first", "second"].map(|name| root.path().join(name));
+        fs::create_dir(&first).unwrap();
+        fs::create_dir(&second).unwrap();
+        let recording = first.join(RECORDING);
+        fs::write(&recording, "").unwrap();
+        check_kept(&recording, &second).unwrap();
+        fs::write(second.join(RECORDING), "").unwrap();
+        check_kept(&recording, &second).unwrap();
+        let roundabout = second.join("../first");
+        for out in [&first, &roundabout] {
+            let refused = check_kept(&recording, out).unwrap_err().to_string();
+            assert!(
+                refused.contains("first/rollout.mcap") && refused.contains("--out"),
+                "{refused}"
+            );
+        }
+    }
 
     #[test]
     fn a_stage_is_named_by_its_number_or_by_what_begins_it() {

@@ -66,8 +66,8 @@ pub(super) fn run(run_arguments: &RunArguments, arguments: &Arguments) -> Result
     print!("{}", describe(&loaded, &planned));
     let name = &loaded.composition.name;
     let usual = || stage.map_or_else(|| results_folder(name), |s| resume::folder(name, s));
-    let mut room = Room::new(&loaded, run_arguments, stage)?;
     let out = run_arguments.out.clone().unwrap_or_else(usual);
+    let mut room = Room::new(&loaded, run_arguments, stage, &out)?;
     fs::create_dir_all(&out).map_err(|source| CliError::Io {
         path: out.clone(),
         source,
@@ -159,9 +159,10 @@ impl Room {
         loaded: &Loaded,
         run_arguments: &RunArguments,
         stage: Option<usize>,
+        out: &Path,
     ) -> Result<Self, CliError> {
         if let Some(stage) = stage {
-            let (room, report, before) = resume::room(loaded, run_arguments, stage)?;
+            let (room, report, before) = resume::room(loaded, run_arguments, stage, out)?;
             return Ok(Self {
                 seed: room.seed(),
                 environment: Box::new(room),
@@ -298,12 +299,13 @@ impl Recorder<'_> {
             cost_to_go_steps: Some(record.goal.cost),
         };
         self.rerun.log_step(&view)?;
-        self.write_events(&record.events, record.step)?;
         self.mcap.add_step(&Step {
             time_secs: view.time_secs,
             observation: Arc::clone(&record.observation),
             action: record.action.clone(),
         })?;
+        // What is added to the recording has the time of its newest step.
+        self.write_events(&record.events, record.step)?;
         let plan = json!({
             "stage": record.localisation.stage,
             "state": self.loaded.graph.node(record.localisation.node).place(),
@@ -339,7 +341,6 @@ impl Recorder<'_> {
         observation: &Arc<Observation>,
         events: &[Event],
     ) -> Result<(), CliError> {
-        self.write_events(events, step)?;
         if let Some(terminate) = self.scene.action_space.terminate() {
             self.mcap.add_step(&Step {
                 time_secs: step as f64 * PRIMITIVE_SECS,
@@ -347,7 +348,7 @@ impl Recorder<'_> {
                 action: terminate,
             })?;
         }
-        Ok(())
+        self.write_events(events, step)
     }
 
     /// How the goal state, or the nearest state of its demonstration that was kept as a picture,

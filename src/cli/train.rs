@@ -10,7 +10,10 @@ use super::loaded::{read_demonstrations, read_options};
 use super::progress;
 use super::training_config::{training_config, write_run, written_config};
 use crate::inference::Model;
-use crate::storage::{ReadOptions, Recordings};
+use crate::model::{
+    ENCODER_FILE, LANDMARKS_FILE, MANIFEST_FILE, POLICY_FILE, PROJECTION_FILE, TRAVERSABILITY_FILE,
+};
+use crate::storage::{ReadOptions, Recordings, what_would_be_lost};
 use crate::training::{
     FinishedModel, GripperPractice, Practised, TrainingEvent, TrainingObserver, export,
     train as fit,
@@ -83,6 +86,7 @@ const PRACTICE_OF: &str = "practice of ";
 
 /// `catena train --keep-networks`: learns anew what a finished model's networks stay out of.
 fn practise(arguments: &TrainArguments, all: &Arguments, folder: &Path) -> Result<(), CliError> {
+    check_model_place(&arguments.out)?;
     let read = read_options(&arguments.read);
     let (sets, mut digests) = load_sets(&arguments.demos, arguments.bins, &read)?;
     let finished = FinishedModel::load(folder)?;
@@ -141,7 +145,7 @@ pub(super) struct Prepared {
 }
 
 /// Reads the demonstrations of a training and says what it begins with; refuses a run folder that holds another
-/// one's checkpoint unless it is to be resumed.
+/// one's checkpoint unless it is to be resumed, and a place that a model must not take.
 pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError> {
     let run_folder = arguments
         .run
@@ -150,11 +154,13 @@ pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError>
     if !arguments.resume && run_folder.join(CHECKPOINT).exists() {
         return Err(CliError::RunExists { run: run_folder });
     }
-    if arguments.out.is_file() {
-        return Err(CliError::OutIsFile {
-            path: arguments.out.clone(),
+    if whole(&run_folder).starts_with(whole(&arguments.out)) {
+        return Err(CliError::RunInModel {
+            run: run_folder,
+            model: arguments.out.clone(),
         });
     }
+    check_model_place(&arguments.out)?;
     let (sets, digests) = load_sets(
         &arguments.demos,
         arguments.bins,
@@ -174,6 +180,40 @@ pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError>
         digests,
         run_folder,
     })
+}
+
+/// A path from the root on.
+fn whole(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
+}
+
+/// All files that a model's or a baseline's folder may hold.
+const MODEL_FILES: [&str; 6] = [
+    ENCODER_FILE,
+    PROJECTION_FILE,
+    TRAVERSABILITY_FILE,
+    POLICY_FILE,
+    LANDMARKS_FILE,
+    MANIFEST_FILE,
+];
+/// How the name of one ends that a killed export left.
+const UNFINISHED: &str = ".partial";
+
+/// Checks that a model can be written to a place that is not there, empty, or another model's, so that nothing else is
+/// lost.
+fn check_model_place(out: &Path) -> Result<(), CliError> {
+    let path = out.to_owned();
+    if out.is_file() {
+        return Err(CliError::OutIsFile { path });
+    }
+    let is_of_model = |name: &str| {
+        let finished = name.strip_suffix(UNFINISHED).unwrap_or(name);
+        MODEL_FILES.contains(&finished)
+    };
+    match what_would_be_lost(out, is_of_model)? {
+        None => Ok(()),
+        Some(what) => Err(CliError::OutHoldsOthers { path, what }),
+    }
 }
 
 /// A share for people; "none" where there was nothing to measure.
@@ -355,5 +395,39 @@ impl TrainingObserver for Printer {
             )),
             TrainingEvent::CheckpointWritten { .. } => {}
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn a_model_takes_the_place_of_nothing_but_a_model() {
+        let root = tempfile::tempdir().unwrap();
+        let out = root.path().join("model");
+        check_model_place(&out).unwrap();
+        fs::create_dir(&out).unwrap();
+        check_model_place(&out).unwrap();
+        for file in MODEL_FILES {
+            fs::write(out.join(file), "").unwrap();
+        }
+        fs::write(out.join("policy.onnx.partial"), "").unwrap();
+        check_model_place(&out).unwrap();
+        let precious = out.join("thesis.tex");
+        fs::write(&precious, "years").unwrap();
+        let refused = check_model_place(&out).unwrap_err().to_string();
+        assert!(
+            refused.contains("model holds thesis.tex") && refused.contains("--out"),
+            "{refused}"
+        );
+        let refused = check_model_place(&precious).unwrap_err().to_string();
+        assert!(refused.contains("is a file"), "{refused}");
+        // What another command wrote, whose manifest a model's would replace.
+        let graph = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/bedroom");
+        check_model_place(&graph.join("model")).unwrap();
+        check_model_place(&graph.join("sock")).unwrap_err();
     }
 }

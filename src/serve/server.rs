@@ -1,6 +1,8 @@
+use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::thread;
+use std::time::Duration;
 
 use axum::Router;
 use axum::extract::{State, WebSocketUpgrade};
@@ -21,6 +23,8 @@ use super::{ApiKey, ServeError, ServeLimits, Service, Stop};
 const NETWORK_THREADS: usize = 2;
 /// Connections beyond those in conversation: health checks, and clients that are told that it is full.
 const SPARE_CONNECTIONS: usize = 32;
+/// Until a connection is asked for again where the system has none to give, such as without a free file descriptor.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
 /// A server that has its port, and speaks once it is [run](Self::run).
 ///
@@ -118,7 +122,9 @@ impl Server {
         // The channel closes once the listener and all connections are gone.
         thread::scope(|scope| {
             while let Some(opening) = opened.blocking_recv() {
-                scope.spawn(|| opening.work(service));
+                // Without a thread the opening is dropped, which ends its connection alone.
+                let work = move || opening.work(service);
+                let _ = thread::Builder::new().spawn_scoped(scope, work);
             }
         });
         self.runtime.shutdown_timeout(self.limits.patience);
@@ -158,8 +164,18 @@ async fn listen(listener: tokio::net::TcpListener, shared: Shared) {
             accepted = listener.accept() => accepted,
             () = stop.asked() => return,
         };
-        // A client that is gone before it was greeted is no reason to stop.
-        let Ok((stream, _)) = accepted else { continue };
+        let stream = match accepted {
+            Ok((stream, _)) => stream,
+            // A client that is gone before it was greeted is no reason to stop.
+            Err(e) if is_of_client(e.kind()) => continue,
+            Err(_) => {
+                tokio::select! {
+                    () = tokio::time::sleep(ACCEPT_PAUSE) => {}
+                    () = stop.asked() => return,
+                }
+                continue;
+            }
+        };
         let Ok(place) = Arc::clone(&connections).try_acquire_owned() else {
             continue;
         };
@@ -179,6 +195,14 @@ async fn listen(listener: tokio::net::TcpListener, shared: Shared) {
             }
         });
     }
+}
+
+/// Whether a connection could not be taken for a reason that lies with its client.
+fn is_of_client(kind: ErrorKind) -> bool {
+    matches!(
+        kind,
+        ErrorKind::ConnectionAborted | ErrorKind::ConnectionReset | ErrorKind::ConnectionRefused
+    )
 }
 
 /// A request for a conversation.

@@ -6,9 +6,12 @@ use std::time::Duration;
 use axum::body::Bytes;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use tokio::sync::{mpsc, oneshot};
-use tokio::time::timeout;
+use tokio::time::{Instant, timeout, timeout_at};
 
 use super::{ServeLimits, Service, Stop};
+
+/// A longer time than a server is up, and one that can be added to any.
+const LONGEST_IDLE: Duration = Duration::from_hours(24 * 365 * 30);
 
 /// A message, and where its answer goes.
 struct Job {
@@ -35,7 +38,10 @@ pub(super) fn opening() -> (Opening, Worker) {
 impl Opening {
     /// Answers messages until the connection is gone. A panic ends this conversation alone.
     pub(super) fn work(mut self, service: &dyn Service) {
-        let mut conversation = service.converse();
+        let begun = catch_unwind(AssertUnwindSafe(|| service.converse()));
+        let Ok(mut conversation) = begun else {
+            return;
+        };
         while let Some(job) = self.jobs.blocking_recv() {
             let answer = || conversation.answer(&job.message);
             let Ok(answer) = catch_unwind(AssertUnwindSafe(answer)) else {
@@ -54,6 +60,11 @@ impl Worker {
         let (answer, answered) = oneshot::channel();
         self.jobs.send(Job { message, answer }).await.ok()?;
         answered.await.ok()
+    }
+
+    /// Returns once the thread is gone, or there was none to be had.
+    async fn gone(&self) {
+        self.jobs.closed().await;
     }
 }
 
@@ -77,7 +88,7 @@ const TOO_LARGE: Farewell = Farewell {
 };
 const BROKEN: Farewell = Farewell {
     code: close_code::ERROR,
-    reason: "the server failed at this message",
+    reason: "the server failed at a message, or has no thread left for this connection",
 };
 
 /// Talks until the client leaves, is refused more, or the server stops.
@@ -92,10 +103,13 @@ pub(super) async fn talk(
     if send(&mut socket, greeting, limits.patience).await.is_none() {
         return;
     }
+    // A library's own pings say nothing, so only messages put it off.
+    let mut deadline = idle_from_now(limits);
     let farewell = loop {
         let received = tokio::select! {
-            received = timeout(limits.idle, socket.recv()) => received,
+            received = timeout_at(deadline, socket.recv()) => received,
             () = stop.asked() => break STOPPING,
+            () = worker.gone() => break BROKEN,
         };
         let message = match received {
             Err(_) => break IDLE,
@@ -113,17 +127,24 @@ pub(super) async fn talk(
                 "the message is text: send msgpack in binary messages, as openpi-client does",
             )),
             Message::Close(_) => return,
+            Message::Ping(_) | Message::Pong(_) if Instant::now() >= deadline => break IDLE,
             Message::Ping(_) | Message::Pong(_) => continue,
         };
         if send(&mut socket, answer, limits.patience).await.is_none() {
             return;
         }
+        deadline = idle_from_now(limits);
     };
     let close = Message::Close(Some(CloseFrame {
         code: farewell.code,
         reason: Utf8Bytes::from_static(farewell.reason),
     }));
     let _ = send(&mut socket, close, limits.patience).await;
+}
+
+/// When a client that sends nothing from now on has been idle for too long.
+fn idle_from_now(limits: &ServeLimits) -> Instant {
+    Instant::now() + limits.idle.min(LONGEST_IDLE)
 }
 
 /// Sends, unless the client does not take it in time.

@@ -1,9 +1,9 @@
 //! Services and server, over a corridor that a test can check by hand.
 
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
@@ -329,18 +329,105 @@ fn actions_that_do_not_fit_are_refused_with_what_does() {
 
 /// Runs a server over the corridor while `with` talks to it.
 fn while_serving(limits: ServeLimits, with: impl FnOnce(SocketAddr)) {
-    with_policy(|service| {
-        let address: SocketAddr = "127.0.0.1:0".parse().expect("an address");
-        let server = Server::bind(address, None, limits).expect("a free port");
-        let (address, stop) = (server.address(), Stop::default());
-        thread::scope(|scope| {
-            let serving = scope.spawn(|| server.run(service, &stop));
-            with(address);
-            stop.stop();
-            serving
-                .join()
-                .expect("a server that stops when it is asked to");
-        });
+    with_policy(|service| while_serving_with(service, limits, with));
+}
+
+/// Runs a server of a service while `with` talks to it.
+fn while_serving_with(service: &dyn Service, limits: ServeLimits, with: impl FnOnce(SocketAddr)) {
+    let address: SocketAddr = "127.0.0.1:0".parse().expect("an address");
+    let server = Server::bind(address, None, limits).expect("a free port");
+    let (address, stop) = (server.address(), Stop::default());
+    thread::scope(|scope| {
+        let serving = scope.spawn(|| server.run(service, &stop));
+        with(address);
+        stop.stop();
+        serving
+            .join()
+            .expect("a server that stops when it is asked to");
+    });
+}
+
+/// A conversation that a client has asked for and been granted.
+fn conversation(address: SocketAddr) -> TcpStream {
+    let mut stream = TcpStream::connect(address).expect("a server");
+    let patience = Some(Duration::from_secs(20));
+    stream.set_read_timeout(patience).expect("a time limit");
+    let request = "GET / HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+                   Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
+    stream
+        .write_all(request.as_bytes())
+        .expect("a server that listens");
+    let mut head = [0; 12];
+    stream.read_exact(&mut head).expect("an answer");
+    assert_eq!(&head, b"HTTP/1.1 101");
+    stream
+}
+
+/// Reads for a moment; whether the server has closed the connection.
+fn is_closed(stream: &mut TcpStream) -> bool {
+    let moment = Some(Duration::from_millis(50));
+    stream.set_read_timeout(moment).expect("a time limit");
+    match stream.read(&mut [0; 4096]) {
+        Ok(bytes) => bytes == 0,
+        Err(e) => !matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut),
+    }
+}
+
+#[test]
+fn pings_do_not_keep_a_connection_that_sends_nothing() {
+    let limits = ServeLimits {
+        idle: Duration::from_millis(400),
+        ..ServeLimits::default()
+    };
+    while_serving(limits, |address| {
+        let begun = Instant::now();
+        let mut stream = conversation(address);
+        while !is_closed(&mut stream) {
+            assert!(begun.elapsed() < Duration::from_secs(20), "it stays open");
+            // Empty, with the mask that a client's frames must have; no matter if the server is gone by now.
+            let _ = stream.write_all(&[0x89, 0x80, 0, 0, 0, 0]);
+        }
+        assert!(begun.elapsed() >= limits.idle);
+    });
+}
+
+#[test]
+fn a_time_without_end_is_no_idle_time() {
+    let limits = ServeLimits {
+        idle: Duration::MAX,
+        ..ServeLimits::default()
+    };
+    while_serving(limits, |address| {
+        let mut stream = conversation(address);
+        for _ in 0..4 {
+            assert!(!is_closed(&mut stream));
+        }
+    });
+}
+
+/// Falls over before it has heard anything.
+struct Fainting;
+
+impl Service for Fainting {
+    fn metadata(&self) -> Vec<u8> {
+        pack(&["fainting"])
+    }
+
+    fn converse(&self) -> Box<dyn Conversation + Send + '_> {
+        panic!("this service has no conversations")
+    }
+}
+
+#[test]
+fn a_conversation_that_cannot_begin_ends_alone() {
+    while_serving_with(&Fainting, ServeLimits::default(), |address| {
+        let mut stream = conversation(address);
+        let begun = Instant::now();
+        while !is_closed(&mut stream) {
+            assert!(begun.elapsed() < Duration::from_secs(20), "it stays open");
+        }
+        let request = "GET /healthz HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n";
+        assert!(answer_to(address, request).ends_with("OK\n"));
     });
 }
 

@@ -1,5 +1,7 @@
 //! Messages of the action topic to actions and their space.
 
+use std::collections::BTreeSet;
+
 use serde::Deserialize;
 
 use super::cdr;
@@ -139,7 +141,7 @@ pub(super) fn action_space(
     match messages.first()? {
         ActionMessage::Values { names, values } => Some(ActionSpace::Continuous {
             names: if names.is_empty() {
-                (0..values.len()).map(|i| format!("action_{i}")).collect()
+                (0..values.len()).map(numbered).collect()
             } else {
                 names.clone()
             },
@@ -177,11 +179,13 @@ pub(super) fn action(space: &ActionSpace, message: ActionMessage) -> Result<Acti
                 _ => Ok(Action::Primitive(index)),
             }
         }
-        (ActionSpace::Binned { dimensions }, ActionMessage::Values { values, .. }) => {
-            continuous(dimensions.len(), &values)
+        (ActionSpace::Binned { dimensions }, ActionMessage::Values { names, values }) => {
+            let wanted: Vec<&str> = dimensions.iter().map(|d| d.name.as_str()).collect();
+            continuous(dimensions.len(), &in_order(&wanted, &names, values)?)
         }
-        (ActionSpace::Continuous { names }, ActionMessage::Values { values, .. }) => {
-            continuous(names.len(), &values)
+        (ActionSpace::Continuous { names: wanted }, ActionMessage::Values { names, values }) => {
+            let wanted: Vec<&str> = wanted.iter().map(String::as_str).collect();
+            continuous(wanted.len(), &in_order(&wanted, &names, values)?)
         }
         (space, message) => Err(format!(
             "{} where the recording has {space}",
@@ -191,6 +195,36 @@ pub(super) fn action(space: &ActionSpace, message: ActionMessage) -> Result<Acti
             }
         )),
     }
+}
+
+/// The values of a message that names them, in the order in which the recording has them: a driver may give its joints
+/// in another order each time.
+fn in_order(wanted: &[&str], names: &[String], values: Vec<f64>) -> Result<Vec<f64>, String> {
+    let is_numbered = |(i, name): (usize, &&str)| **name == numbered(i);
+    // Where the first message had no names, those of the recording say nothing but the place.
+    let say_nothing = names.is_empty() || wanted.iter().enumerate().all(is_numbered);
+    if say_nothing || wanted == names {
+        return Ok(values);
+    }
+    let place = |name: &&str| names.iter().position(|own| own == name);
+    let places: Option<Vec<usize>> = wanted.iter().map(place).collect();
+    let is_whole = |places: &Vec<usize>| {
+        let distinct: BTreeSet<&usize> = places.iter().collect();
+        distinct.len() == values.len()
+    };
+    match places.filter(is_whole) {
+        Some(places) => Ok(places.into_iter().map(|place| values[place]).collect()),
+        None => Err(format!(
+            "it moves {} where the recording has {}: record the same joints in every message, or leave the recording out",
+            names.join(", "),
+            wanted.join(", ")
+        )),
+    }
+}
+
+/// What the values of messages without names are called.
+fn numbered(place: usize) -> String {
+    format!("action_{place}")
 }
 
 fn continuous(expected: usize, values: &[f64]) -> Result<Action, String> {
@@ -253,6 +287,46 @@ mod tests {
                 .unwrap_err()
                 .contains("'back'")
         );
+    }
+
+    #[test]
+    fn joints_are_taken_by_their_names() {
+        let message = |names: &[&str]| {
+            let state = JointState {
+                name: names.iter().map(|name| (*name).to_owned()).collect(),
+                position: (0..names.len()).map(|i| i as f64).collect(),
+                ..JointState::default()
+            };
+            let bytes = cdr::encode(&state, 256).unwrap();
+            ActionFormat::JointState.decode(&bytes).unwrap()
+        };
+        let space = action_space(None, &[message(&["waist", "elbow", "wrist"])]).unwrap();
+        let taken = |names: &[&str]| action(&space, message(names));
+        let orders = [
+            (["waist", "elbow", "wrist"], [0.0, 1.0, 2.0]),
+            (["wrist", "waist", "elbow"], [1.0, 2.0, 0.0]),
+        ];
+        for (names, values) in orders {
+            assert_eq!(taken(&names), Ok(Action::Continuous(values.to_vec())));
+        }
+        for other in [
+            &["waist", "elbow", "finger"][..],
+            &["waist", "waist", "elbow"],
+            &["waist", "elbow"],
+            &["waist", "elbow", "wrist", "finger"],
+        ] {
+            let said = taken(other).unwrap_err();
+            assert!(said.contains(&other.join(", ")), "{said}");
+            assert!(said.contains("has waist, elbow, wrist"), "{said}");
+        }
+        // The first message named nothing, so that later names are no other ones.
+        let values_alone = ActionMessage::Values {
+            names: Vec::new(),
+            values: vec![0.5; 2],
+        };
+        let space = action_space(None, &[values_alone]).unwrap();
+        let named = action(&space, message(&["waist", "elbow"]));
+        assert_eq!(named, Ok(Action::Continuous(vec![0.0, 1.0])));
     }
 
     #[test]

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::graph_folder::{read_edges, save_graph_from_parts};
 use super::graph_images::GraphImage;
+use super::place::what_would_be_lost;
 use super::replace::write_file;
 use super::tables::{self, EdgeWriter};
 use super::{GraphManifest, StorageError};
@@ -20,6 +21,10 @@ const PROGRESS: &str = "build.json";
 const STATES: &str = "nodes.parquet";
 /// The temporal edges between them.
 const TEMPORAL: &str = "temporal.parquet";
+/// How the table of a part's edges begins; its number follows.
+const PART: &str = "edges-";
+/// How it ends.
+const TABLE: &str = ".parquet";
 
 /// A build of a graph that can be gone on with when it was interrupted.
 ///
@@ -65,7 +70,8 @@ impl BuildFolder {
     /// what it was made from and the options; `part_pairs` into which parts the pairs are cut.
     ///
     /// # Errors
-    /// [`StorageError::Io`] when the folder cannot be read, made or emptied.
+    /// [`StorageError::NoBuildToReplace`] when the folder holds what no build put there, [`StorageError::Io`] when
+    /// it cannot be read, made or emptied.
     pub fn open(
         graph_folder: &Path,
         manifest: &GraphManifest,
@@ -81,8 +87,8 @@ impl BuildFolder {
             states: None,
             parts: BTreeMap::new(),
         };
-        let kept = fs::read(folder.join(PROGRESS)).ok();
-        let kept = kept.and_then(|text| serde_json::from_slice::<Progress>(&text).ok());
+        check_build_place(&folder)?;
+        let kept = read_progress(&folder)?;
         let kept = kept.filter(|p| p.manifest == fresh.manifest && p.part_pairs == part_pairs);
         if kept.is_none() {
             match fs::remove_dir_all(&folder) {
@@ -167,12 +173,15 @@ impl BuildFolder {
             .map(|(part, kept)| (self.part_file(*part), kept.edges))
             .collect();
         let saved = save_graph_from_parts(&self.graph_folder, states, &parts, manifest, images)?;
-        fs::remove_dir_all(&self.folder).map_err(StorageError::io("remove", &self.folder))?;
+        // What came into the folder meanwhile keeps it.
+        if check_build_place(&self.folder).is_ok() {
+            fs::remove_dir_all(&self.folder).map_err(StorageError::io("remove", &self.folder))?;
+        }
         Ok(saved)
     }
 
     fn part_file(&self, part: usize) -> PathBuf {
-        self.folder.join(format!("edges-{part:05}.parquet"))
+        self.folder.join(format!("{PART}{part:05}{TABLE}"))
     }
 
     fn save_progress(&self) -> Result<(), StorageError> {
@@ -180,6 +189,36 @@ impl BuildFolder {
             serde_json::to_writer_pretty(&mut *file, &self.progress).map_err(io::Error::from)?;
             file.write_all(b"\n")
         })
+    }
+}
+
+/// Whether a build writes a file of this name, or a draft of it.
+fn is_of_build(name: &str) -> bool {
+    let draft = name.strip_prefix('.').and_then(|n| n.strip_suffix(".tmp"));
+    let name = draft.unwrap_or(name);
+    let part = name.strip_prefix(PART).and_then(|n| n.strip_suffix(TABLE));
+    [PROGRESS, STATES, TEMPORAL].contains(&name)
+        || part.is_some_and(|part| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit()))
+}
+
+/// Checks that nothing is lost with a folder but what a build kept there.
+fn check_build_place(folder: &Path) -> Result<(), StorageError> {
+    match what_would_be_lost(folder, is_of_build)? {
+        None => Ok(()),
+        Some(what) => Err(StorageError::NoBuildToReplace {
+            path: folder.to_owned(),
+            what,
+        }),
+    }
+}
+
+/// What a build had done; none where there was none, or one that cannot be understood.
+fn read_progress(folder: &Path) -> Result<Option<Progress>, StorageError> {
+    let path = folder.join(PROGRESS);
+    match fs::read(&path) {
+        Ok(text) => Ok(serde_json::from_slice(&text).ok()),
+        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(e) => Err(StorageError::io("read", &path)(e)),
     }
 }
 

@@ -204,6 +204,18 @@ pub enum StorageError {
         /// What is there.
         what: String,
     },
+    /// What the beginnings of a graph would replace is none.
+    #[error(
+        "{path} {what}, and what is done of a graph is kept there until it is built: move that elsewhere, or build the \
+         graph under another name",
+        path = path.display()
+    )]
+    NoBuildToReplace {
+        /// The place.
+        path: PathBuf,
+        /// What is there.
+        what: String,
+    },
     /// Recordings cannot be written as one dataset.
     #[error("{recording} cannot be part of the dataset: {reason}")]
     Conversion {

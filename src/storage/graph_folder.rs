@@ -1,9 +1,9 @@
 //! Graphs as folders: two tables, optional pictures, and a manifest.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::graph_images::{self, GraphImage};
+use super::place::what_would_be_lost;
 use super::replace::{replace_folder, settle_folder};
 use super::tables::{self, ADVICE, EdgeReader, EdgeWriter};
 use super::{GraphManifest, StorageError, manifest};
@@ -31,24 +31,11 @@ pub fn check_graph_place(folder: &Path) -> Result<(), StorageError> {
     if folder.file_name().is_none() {
         return refused("is where other things are, too".to_owned());
     }
-    if !folder.exists() {
-        return Ok(());
+    match what_would_be_lost(folder, |name| FILES.contains(&name))? {
+        Some(what) if folder.is_dir() => refused(format!("{what}, which is no part of a graph")),
+        Some(what) => refused(what),
+        None => Ok(()),
     }
-    if !folder.is_dir() {
-        return refused("is a file".to_owned());
-    }
-    for entry in fs::read_dir(folder).map_err(StorageError::io("read", folder))? {
-        let entry = entry.map_err(StorageError::io("read", folder))?;
-        let name = entry.file_name();
-        let is_of_graph = FILES.iter().any(|file| name.to_str() == Some(file));
-        if !is_of_graph {
-            return refused(format!(
-                "holds {}, which is no part of a graph",
-                name.display()
-            ));
-        }
-    }
-    Ok(())
 }
 
 /// Saves a graph as a folder, whole or not at all; a graph that is there is replaced.
@@ -174,6 +161,21 @@ pub fn load_graph(folder: &Path) -> Result<(TopologicalGraph, GraphManifest), St
         }
     }
     Ok((graph, manifest))
+}
+
+/// Checks that every file that a graph's manifest names is the one that was saved, without reading the graph.
+///
+/// # Errors
+/// [`StorageError::Manifest`] for one that names no tables, [`StorageError::DigestMismatch`] for a file that is
+/// not the one saved, [`StorageError::Io`] for one that cannot be read.
+pub fn check_graph_files(folder: &Path, manifest: &GraphManifest) -> Result<(), StorageError> {
+    let tables = [NODES, EDGES];
+    let names = manifest.files.keys().map(String::as_str);
+    let others = names.filter(|name| !tables.contains(name));
+    for name in tables.into_iter().chain(others) {
+        manifest.check_file(folder, name)?;
+    }
+    Ok(())
 }
 
 /// Adds the rows of a table of edges to a graph that has all its nodes and no edges.

@@ -13,11 +13,11 @@ use super::view::{View, typical_rate_hz};
 use super::{ActionReport, CameraReport, Loss, StorageError};
 use crate::trajectory::{Action, ActionSpace, CameraSpec, Marker};
 
-/// A camera topic whose first image can be decoded.
+/// A camera topic of which an image can be decoded.
 pub(super) struct CameraTopic<'a> {
     pub name: String,
     pub format: ImageFormat,
-    /// Rows and columns of its first image.
+    /// Rows and columns of its first image that can be decoded.
     pub recorded_size: (u32, u32),
     /// Its size in the trajectory.
     pub spec: CameraSpec,
@@ -77,12 +77,15 @@ impl<'a> Layout<'a> {
     }
 
     fn add_camera(&mut self, format: ImageFormat, scan: &'a TopicScan) {
-        let Some((_, message)) = scan.kept.first() else {
-            return;
-        };
-        let first = match decode_image(format, message) {
-            Ok(image) => image,
-            Err(reason) => return self.leave(scan, true, &format!("its first image: {reason}")),
+        let mut images = scan.kept.iter().map(|(_, m)| decode_image(format, m));
+        let first = match images.next() {
+            None => return,
+            Some(Ok(image)) => image,
+            // One that is damaged takes no sound one with it.
+            Some(Err(reason)) => match images.find_map(Result::ok) {
+                Some(image) => image,
+                None => return self.leave(scan, true, &format!("its first image: {reason}")),
+            },
         };
         let name = self.view.camera_name(&scan.channel.topic);
         let recorded_size = (first.height(), first.width());

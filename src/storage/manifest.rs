@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::replace::write_file;
 use super::{StorageError, sha256_file};
 use crate::graph::{ScoringReport, TopologicalGraph};
-use crate::task::{Subgoal, Task};
+use crate::task::{Subgoal, SubgoalRule, Task};
 
 /// Version of the folder's format; another one is refused.
 const FORMAT_VERSION: u32 = 1;
@@ -34,6 +34,9 @@ pub struct GraphManifest {
     pub demonstrations_digest: String,
     /// The options that the graph was built with.
     pub build_options: serde_json::Value,
+    /// How its subgoals were found in the demonstrations, where the program wrote that down.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subgoal_rules: Option<Vec<SubgoalRule>>,
     /// What the learned edges took, where the program wrote that down.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scoring: Option<ScoringReport>,
@@ -85,6 +88,7 @@ impl GraphManifest {
             model_digest: model_digest.into(),
             demonstrations_digest: demonstrations_digest.into(),
             build_options,
+            subgoal_rules: None,
             scoring: None,
             d_max: 0,
             latent_dim: 0,

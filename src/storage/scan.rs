@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::decode::without_compression;
+use super::decode::{decode_image, without_compression};
 use super::salvage::{Salvage, salvage};
 use super::topic::{Channel, Role};
 use super::view::View;
@@ -14,7 +14,7 @@ use super::{Loss, StorageError, TopicReport, cdr};
 /// Which images to keep in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Keep {
-    /// Of each camera only the first, with the times of all.
+    /// Of each camera only the first, and the first that can be decoded if that cannot, with the times of all.
     FirstImages,
     AllImages,
 }
@@ -37,6 +37,8 @@ pub(super) struct TopicScan {
     latest_nanos: u64,
     /// In order of time; empty for topics that play no part.
     pub kept: Vec<Stamped>,
+    /// Whether an image was kept that can be decoded; known where only the first are kept.
+    has_image: bool,
 }
 
 /// Everything that one pass finds.
@@ -115,6 +117,7 @@ impl TopicScan {
             late: 0,
             latest_nanos: 0,
             kept: Vec::new(),
+            has_image: false,
         }
     }
 
@@ -128,9 +131,13 @@ impl TopicScan {
         self.first_nanos = self.first_nanos.min(nanos);
         self.last_nanos = self.last_nanos.max(nanos);
         match self.role {
-            Role::Camera(_) => {
-                if keep == Keep::FirstImages && !self.kept.is_empty() {
-                    data = Vec::new();
+            Role::Camera(format) => {
+                if keep == Keep::FirstImages {
+                    let is_sound = !self.has_image && decode_image(format, &data).is_ok();
+                    self.has_image |= is_sound;
+                    if !is_sound && !self.kept.is_empty() {
+                        data = Vec::new();
+                    }
                 }
                 self.kept.push((nanos, data));
             }

@@ -96,8 +96,14 @@ fn last_segment(topic: &str) -> &str {
 }
 
 /// The camera that a topic belongs to: `/camera/head/image_raw/compressed` and `/head/image_raw` are
-/// both of camera `head`; `/camera/image_raw` is of `camera`.
+/// both of camera `head`; `/camera/image_raw` is of `camera`. What stands alone between `/camera/` and
+/// `/image_raw/compressed`, where our recordings have the name, is taken as it is.
 pub(super) fn camera_name(topic: &str) -> String {
+    let ours = topic.strip_prefix("/camera/");
+    let ours = ours.and_then(|rest| rest.strip_suffix("/image_raw/compressed"));
+    if let Some(name) = ours.filter(|name| !name.is_empty() && !name.contains('/')) {
+        return name.to_owned();
+    }
     let mut segments: Vec<&str> = topic.split('/').filter(|s| !s.is_empty()).collect();
     while segments.last().is_some_and(|s| {
         matches!(
@@ -144,6 +150,16 @@ mod tests {
             ("/camera/camera/color/image_raw", "color"),
             ("/arm/wrist/image_rect_color", "arm_wrist"),
             ("image", "camera"),
+            ("/camera/image/image_raw/compressed", "image"),
+            ("/camera/compressed/image_raw/compressed", "compressed"),
+            ("/camera/cameras/image_raw/compressed", "cameras"),
+            ("/camera/camera/image_raw/compressed", "camera"),
+            ("/camera//image_raw/compressed", "camera"),
+            ("/camera/image_raw/compressed", "camera"),
+            ("/camera/arm/wrist/image_raw/compressed", "arm_wrist"),
+            ("/camera/camera/color/image_raw/compressed", "color"),
+            ("/cameras/image/image_raw/compressed", "camera"),
+            ("/camera/image/image_raw", "camera"),
         ] {
             assert_eq!(camera_name(topic), name, "{topic}");
         }

@@ -184,6 +184,20 @@ fn picture_that_cannot_be_written_names_its_file() {
     assert!(error.to_string().contains("graph.svg"), "{error}");
 }
 
+#[test]
+fn picture_that_cannot_take_its_place_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("graph.svg");
+    std::fs::create_dir(&path).expect("a folder in its place");
+    let error = write_merged_graph_svg(&path, &TopologicalGraph::new(1, 3), None, "")
+        .expect_err("a folder is in its place");
+    let said = error.to_string();
+    let named = format!("cannot write {}: ", path.display());
+    assert!(said.starts_with(&named), "{said}");
+    let left = std::fs::read_dir(folder.path()).expect("the folder");
+    assert_eq!(left.count(), 1);
+}
+
 fn observation(value: u8) -> Observation {
     let image = Image::new(2, 2, vec![value; 12]).expect("it is full");
     Observation::new([("head".to_owned(), image)])

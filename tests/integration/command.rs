@@ -288,6 +288,31 @@ fn a_run_goes_on_from_the_stage_that_an_earlier_one_had_come_to() {
     assert_eq!(&after["subgoals"][0]["step"], reached);
     assert_eq!(after["resumed"]["stage"], 1);
     assert_eq!(after["seed"], before["seed"]);
+    // Each event has the time of its own step.
+    let bytes = fs::read(&recording).expect("the recording");
+    let messages = mcap::MessageStream::new(&bytes).expect("an MCAP file");
+    let mut events = 0;
+    for message in messages {
+        let message = message.expect("a message");
+        if message.channel.topic == "/event" {
+            let event: serde_json::Value = serde_json::from_slice(&message.data).expect("JSON");
+            let step = event["step"].as_u64().expect("a number");
+            let secs = step as f64 * catena::simulator::PRIMITIVE_SECS;
+            assert_eq!(message.log_time, (secs * 1e9).round() as u64, "{event}");
+            events += 1;
+        }
+    }
+    assert!(events > 0, "at least that the drawer is open");
+    // The recording that is gone on from is not replaced.
+    let into_itself = ["--from", path(&recording), "--out", path(&first)];
+    let words = ["run", path(&file), "--resume", "drawer_open"];
+    let output = catena(&[&words[..], &into_itself].concat());
+    let said = text(&output.stderr);
+    assert!(
+        !output.status.success() && said.contains("would take its place"),
+        "{said}"
+    );
+    assert_eq!(fs::read(&recording).expect("the recording"), bytes);
     // What had not been reached cannot be gone on from, nor what is not there.
     let output = resume("4", &["--from", path(&recording)]);
     let said = text(&output.stderr);
@@ -446,6 +471,26 @@ fn what_would_be_lost_is_refused_before_anything_is_done() {
     };
     let said = merged_into(&at("precious"));
     assert!(said.contains("holds thesis.tex"), "{said}");
+    let trained_into = |out: &Path, more: &[&str]| {
+        let words = ["train", "demos/none", "--out", path(out)];
+        let output = catena(&[&words[..], more].concat());
+        assert!(!output.status.success());
+        text(&output.stderr)
+    };
+    let practised = [
+        "--practice",
+        "demos/none",
+        "--keep-networks",
+        "graphs/bedroom/model",
+    ];
+    let ours: &[&str] = &[];
+    for more in [ours, &["--method", "bc"], &practised] {
+        let said = trained_into(&at("precious"), more);
+        assert!(said.contains("holds thesis.tex"), "{said}");
+    }
+    let run = at("model").join("run");
+    let said = trained_into(&at("model"), &["--run", path(&run)]);
+    assert!(said.contains("lies in the model's folder"), "{said}");
     let said = merged_into(&at("trash"));
     assert!(said.contains("is one of the graphs to be merged"), "{said}");
     assert_eq!(bytes_of(&at("trash")), before);
@@ -474,6 +519,10 @@ fn numbers_that_measure_nothing_are_refused_by_name() {
         (
             &["train", "demos", "--out", "model", "--bins", "0"],
             "--bins",
+        ),
+        (
+            &["serve", "sock", "--max-connections", "0"],
+            "--max-connections",
         ),
     ];
     for (words, flag) in numbers {

@@ -234,27 +234,53 @@ fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
     );
     let said = refused(&["--demonstrations", "5"]);
     assert!(said.contains("has 2 MCAP recordings"), "{said}");
+}
 
-    // Other recordings are another training, and do not replace what was measured unasked.
+#[test]
+fn other_recordings_are_another_training_and_replace_nothing_unasked() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    for task in ["sock", "trash", "wine"] {
+        recorded(&at("demos"), task, "1");
+    }
+    let (demos, work, out) = (at("demos"), at("work"), at("out"));
+    let fig5 = |more: &[&str]| {
+        let words = [
+            "experiment",
+            "fig5",
+            "--quick",
+            "--steps",
+            "2",
+            "--methods",
+            "siamese",
+        ];
+        let places = [
+            "--demos",
+            path(&demos),
+            "--work",
+            path(&work),
+            "--out",
+            path(&out),
+        ];
+        catena(&[&words[..], &places, more].concat())
+    };
+    let folders = || fs::read_dir(&work).expect("a folder").count();
+    assert!(fig5(&["--demonstrations", "1"]).status.success());
     fs::remove_dir_all(demos.join("wine")).expect("removing recordings");
     fs::rename(demos.join("trash"), demos.join("wine")).expect("renaming recordings");
-    recorded(&at("demos"), "trash", "2");
-    let words = ["fig5", "--quick", "--steps", "3", "--methods", "siamese"];
-    let words = [&["experiment"], &words[..], &["--demos", path(&demos)]].concat();
-    let places = ["--work", path(&work), "--out", path(&out)];
-    let words = [&words[..], &places].concat();
-    let fig5 = |more: &[&str]| catena(&[&words[..], more].concat());
-    let said = text(&fig5(&["--demonstrations", "2"]).stderr);
+    recorded(&demos, "trash", "1");
+    let said = text(&fig5(&["--demonstrations", "1"]).stderr);
     assert!(
         said.contains("siamese_seed1.json") && said.contains("--replace"),
         "{said}"
     );
     let said = text(&fig5(&["--demonstrations", "1,2"]).stderr);
     assert!(said.contains("one number of demonstrations"), "{said}");
+    assert_eq!(folders(), 1);
     assert!(
-        fig5(&["--demonstrations", "2", "--replace"])
+        fig5(&["--demonstrations", "1", "--replace"])
             .status
             .success()
     );
-    assert_eq!(folders_of("siamese").len(), 2);
+    assert_eq!(folders(), 2);
 }

@@ -46,7 +46,7 @@ pub struct LimitArguments {
     #[arg(long, value_name = "FILE")]
     pub api_key_file: Option<PathBuf>,
     /// Connections at a time.
-    #[arg(long, default_value_t = 64)]
+    #[arg(long, default_value_t = 64, value_parser = connections)]
     pub max_connections: usize,
     /// Mebibytes of a message.
     #[arg(long, default_value_t = 32)]
@@ -54,4 +54,29 @@ pub struct LimitArguments {
     /// A connection that sends nothing for so many seconds is closed.
     #[arg(long, default_value_t = 600)]
     pub idle_secs: u64,
+}
+
+/// Each has a thread while it is in conversation, and no machine has more of them.
+const MAX_CONNECTIONS: usize = 65_536;
+
+/// How many connections there may be at a time.
+fn connections(text: &str) -> Result<usize, String> {
+    let connections = text.parse().ok();
+    let connections = connections.filter(|c: &usize| (1..=MAX_CONNECTIONS).contains(c));
+    connections.ok_or_else(|| format!("give a whole number within 1..={MAX_CONNECTIONS}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn connections_are_at_least_one_and_no_more_than_there_can_be() {
+        assert_eq!(connections("1"), Ok(1));
+        assert_eq!(connections("65536"), Ok(65_536));
+        for wrong in ["0", "65537", "18446744073709551615", "-1", "many"] {
+            let said = connections(wrong).unwrap_err();
+            assert!(said.contains("1..=65536"), "{said}");
+        }
+    }
 }

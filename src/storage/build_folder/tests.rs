@@ -186,3 +186,58 @@ fn part_that_is_not_what_was_kept_is_named() {
     assert!(said.contains("edges-00001.parquet"), "{said}");
     assert!(!target.exists(), "no graph that is not whole");
 }
+
+#[test]
+fn nothing_but_a_build_is_deleted() {
+    let place = tempfile::tempdir().expect("a temporary folder");
+    let target = place.path().join("walk");
+    let manifest = manifest(&options(PairCandidates::All));
+    let folder = place.path().join("walk.build");
+    let precious = folder.join("thesis.tex");
+    fs::create_dir(&folder).expect("a folder of somebody else's");
+    fs::write(&precious, "years").expect("written");
+    let refused = BuildFolder::open(&target, &manifest, 900).expect_err("it is no build");
+    let said = refused.to_string();
+    assert!(
+        said.contains("walk.build holds thesis.tex") && said.contains("another name"),
+        "{said}"
+    );
+    assert_eq!(fs::read_to_string(&precious).expect("still there"), "years");
+    fs::remove_file(&precious).expect("removed");
+    for leftover in [
+        "build.json",
+        ".build.json.tmp",
+        "nodes.parquet",
+        "temporal.parquet",
+        "edges-00012.parquet",
+        ".edges-00013.parquet.tmp",
+    ] {
+        fs::write(folder.join(leftover), "half").expect("written");
+    }
+    BuildFolder::open(&target, &manifest, 900).expect("leftovers of builds are of no use");
+    assert!(!folder.join("edges-00012.parquet").exists());
+    fs::write(folder.join("edges-notes.parquet"), "years").expect("written");
+    BuildFolder::open(&target, &manifest, 900).expect_err("no part is called so");
+}
+
+#[cfg(unix)]
+#[test]
+fn build_that_cannot_be_read_is_not_deleted() {
+    let place = tempfile::tempdir().expect("a temporary folder");
+    let target = place.path().join("walk");
+    let manifest = manifest(&options(PairCandidates::All));
+    let build = BuildFolder::open(&target, &manifest, 900).expect("opens");
+    let progress = build.folder().join("build.json");
+    fs::remove_file(&progress).expect("removed");
+    // A link to itself can be read by nobody, not even by root.
+    std::os::unix::fs::symlink("build.json", &progress).expect("a link");
+    let part = build.folder().join("edges-00000.parquet");
+    fs::write(&part, "hours").expect("written");
+    let refused = BuildFolder::open(&target, &manifest, 900).expect_err("it cannot be read");
+    let said = refused.to_string();
+    assert!(
+        said.contains("cannot read") && said.contains("build.json"),
+        "{said}"
+    );
+    assert!(part.exists());
+}

@@ -2,6 +2,7 @@ mod rates;
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use byteorder::BigEndian;
 use mcap::records::MessageHeader;
@@ -10,9 +11,10 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::storage::fixtures::{picture, trajectory};
-use crate::storage::messages::{Header, JointState, RawImage};
+use crate::storage::messages::{FoxgloveCompressedImage, Header, JointState, RawImage};
+use crate::storage::pixels::encode_png;
 use crate::storage::{EpisodeWriter, Loss, RecordingMetadata, write_trajectory};
-use crate::trajectory::{Action, ActionSpace};
+use crate::trajectory::{Action, ActionSpace, Observation};
 
 fn metadata() -> RecordingMetadata {
     RecordingMetadata {
@@ -78,6 +80,82 @@ fn trajectory_comes_back_as_it_was_written() {
     ] {
         assert!(text.contains(part), "'{part}' is missing in:\n{text}");
     }
+}
+
+#[test]
+fn cameras_that_are_called_as_parts_of_topics_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("demo.mcap");
+    let names = [
+        "camera",
+        "cameras",
+        "compressed",
+        "image",
+        "image_color",
+        "image_raw",
+        "image_rect",
+        "image_rect_color",
+    ];
+    let mut original = trajectory(2);
+    for (i, step) in original.steps.iter_mut().enumerate() {
+        let images = names.map(|name| (name.to_owned(), picture(4, 6, i)));
+        step.observation = Arc::new(Observation::new(images));
+    }
+    write_trajectory(&path, &original, &metadata()).unwrap();
+    let read = read_trajectory(&path).unwrap();
+    assert_eq!(read.trajectory.cameras(), original.cameras());
+    assert_eq!(read.report.notes, Vec::<String>::new());
+}
+
+#[test]
+fn a_camera_outlives_a_damaged_first_image() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("demo.mcap");
+    let mut writer = mcap::Writer::new(fs::File::create(&path).unwrap()).unwrap();
+    let mut channel = |topic: &str, name: &str, encoding: &str| {
+        let schema = writer.add_schema(name, "", b"").unwrap();
+        writer
+            .add_channel(schema, topic, encoding, &[].into())
+            .unwrap()
+    };
+    let camera = channel("/camera/top", "foxglove.CompressedImage", "protobuf");
+    let actions = channel("/action", "any.Action", "json");
+    let header = |channel_id, log_time: u64| MessageHeader {
+        channel_id,
+        sequence: 0,
+        log_time,
+        publish_time: 0,
+    };
+    for i in 0..4 {
+        let image = FoxgloveCompressedImage {
+            data: if i == 0 {
+                b"damaged".to_vec()
+            } else {
+                encode_png(&picture(4, 6, i)).unwrap()
+            },
+            format: "png".to_owned(),
+        };
+        let nanos = 10 * i as u64;
+        writer
+            .write_to_known_channel(
+                &header(camera, nanos),
+                &prost::Message::encode_to_vec(&image),
+            )
+            .unwrap();
+        writer
+            .write_to_known_channel(&header(actions, nanos + 5), br#"{"values": [1, 2]}"#)
+            .unwrap();
+    }
+    writer.finish().unwrap();
+    let looked = inspect(&path).unwrap();
+    let Recording { trajectory, report } = read_trajectory(&path).unwrap();
+    assert_eq!(looked.cameras, report.cameras);
+    assert_eq!(trajectory.cameras()[0].name, "top");
+    assert_eq!(trajectory.steps.len(), 3);
+    let first = &trajectory.steps[0].observation;
+    assert_eq!(first.image("top").unwrap(), &picture(4, 6, 1));
+    let is_told = |loss: &Loss| matches!(loss, Loss::UndecodableImages { images: 1, .. });
+    assert!(report.losses.iter().any(is_told), "{:?}", report.losses);
 }
 
 #[test]

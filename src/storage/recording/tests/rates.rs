@@ -3,8 +3,6 @@
 use prost::Message as _;
 
 use super::*;
-use crate::storage::messages::FoxgloveCompressedImage;
-use crate::storage::pixels::encode_png;
 use crate::storage::{ImageSize, ReadOptions, Recordings};
 
 const MILLIS: u64 = 1_000_000;
