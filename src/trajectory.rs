@@ -4,6 +4,7 @@
 
 mod action;
 mod binning;
+mod compared;
 mod demonstration;
 mod error;
 mod geometry;
@@ -12,6 +13,7 @@ mod observation;
 
 pub use action::{Action, ActionSpace};
 pub use binning::{ActionDimension, Binning, Decoding, DimensionBinning, Spacing};
+pub(crate) use compared::told_apart;
 pub use demonstration::{DemonstrationSet, Marker, Step, Trajectory};
 pub use error::TrajectoryError;
 pub use geometry::{CameraMount, Displacement, Lens, MountedOn, Posture, RobotGeometry};

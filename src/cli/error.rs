@@ -103,6 +103,23 @@ pub(super) enum CliError {
         /// What builds the graph again.
         command: String,
     },
+    /// The actions of recordings mean something else than those of the model.
+    #[error(
+        "the recordings of task '{task}', such as '{trajectory}', have {found}, but the model has {expected}: {way_out}, \
+         or train a model with these recordings"
+    )]
+    ActionsDiffer {
+        /// The task.
+        task: String,
+        /// The first of its recordings.
+        trajectory: String,
+        /// The names of their actions.
+        found: String,
+        /// Those of the model.
+        expected: String,
+        /// What makes them agree.
+        way_out: &'static str,
+    },
     /// A merged graph would take the place of one that it is made of.
     #[error("{} is one of the graphs to be merged: name another folder with --out", graph.display())]
     MergedIntoItself {

@@ -18,7 +18,7 @@ use crate::storage::{
     GraphImages, GraphManifest, GraphTask, ReadOptions, RecordingReport, Recordings,
     ensure_same_model, load_graph, sha256_file,
 };
-use crate::trajectory::DemonstrationSet;
+use crate::trajectory::{ActionSpace, DemonstrationSet};
 
 /// How far from the end of one task and the start of the next cross-task edges are looked for.
 const SEAM_WINDOW_STEPS: u32 = 10;
@@ -100,13 +100,37 @@ pub(super) fn read_demonstrations(
     Ok((set, reports))
 }
 
+/// Refuses demonstrations whose actions mean something else in the action space of a model.
+fn ensure_same_actions(set: &DemonstrationSet, space: &ActionSpace) -> Result<(), CliError> {
+    let recorded = set.action_space();
+    if space.takes_actions_of(recorded) {
+        return Ok(());
+    }
+    let are_values = |space: &ActionSpace| !matches!(space, ActionSpace::Primitives { .. });
+    let way_out = if are_values(space) && are_values(recorded) {
+        "list the model's names in its order under 'keep' of the 'actions' in a mapping file (under 'names' where the \
+         same values are only called otherwise)"
+    } else {
+        "record with the actions of the model, primitives in its order"
+    };
+    let first = set.trajectories().first();
+    Err(CliError::ActionsDiffer {
+        task: set.task().to_owned(),
+        trajectory: first.map(|t| t.id.clone()).unwrap_or_default(),
+        found: recorded.with_names(),
+        expected: space.with_names(),
+        way_out,
+    })
+}
+
 /// The demonstrations as a model takes them: with its action space, which has bins where the recordings have
-/// none, and with the images of its cameras in their size.
+/// none, and with the images of its cameras in their size. Demonstrations with other actions are refused.
 pub(super) fn in_model_space(
     set: &DemonstrationSet,
     model: &Model,
 ) -> Result<DemonstrationSet, CliError> {
     let spec = &model.manifest().spec;
+    ensure_same_actions(set, &spec.action_space)?;
     let mut trajectories = set.trajectories().to_vec();
     for trajectory in &mut trajectories {
         trajectory.action_space = spec.action_space.clone();
@@ -352,6 +376,45 @@ pub(super) fn show(bar: &ProgressBar, progress: GraphProgress) {
 mod tests {
     use super::*;
     use crate::composer::{FoundBy, TaskSpec};
+    use crate::trajectory::{Action, ActionDimension, Image, Observation, Step, Trajectory};
+
+    #[test]
+    fn recordings_with_other_actions_than_the_model_are_refused_with_both_lists() {
+        let image = Image::new(1, 1, vec![0; 3]).expect("one pixel");
+        let observation = Arc::new(Observation::new([("head".to_owned(), image)]));
+        let told = |recorded: &[&str], of_model: &[&str]| {
+            let trajectory = Trajectory {
+                id: "demo".to_owned(),
+                task: "cup".to_owned(),
+                action_space: ActionSpace::Continuous {
+                    names: recorded.iter().map(|n| (*n).to_owned()).collect(),
+                },
+                steps: vec![Step {
+                    time_secs: 0.0,
+                    observation: Arc::clone(&observation),
+                    action: Action::Continuous(vec![0.0; recorded.len()]),
+                }],
+                markers: Vec::new(),
+            };
+            let set = DemonstrationSet::new("cup", vec![trajectory]).expect("one trajectory");
+            let dimension = |name: &&str| ActionDimension::uniform(*name, 0.0, 1.0, 2);
+            let dimensions = of_model.iter().map(dimension).collect();
+            let checked = ensure_same_actions(&set, &ActionSpace::Binned { dimensions });
+            checked.err().map(|e| e.to_string())
+        };
+        assert_eq!(told(&["x", "gripper"], &["x", "gripper"]), None);
+        assert_eq!(told(&["action_0", "action_1"], &["x", "gripper"]), None);
+        assert_eq!(told(&["x", "gripper"], &["action_0", "action_1"]), None);
+        assert_eq!(
+            told(&["gripper", "x"], &["x", "gripper"]).as_deref(),
+            Some(
+                "the recordings of task 'cup', such as 'demo', have 2 continuous dimensions (gripper, x), but the \
+                 model has 2 binned dimensions (x, gripper): list the model's names in its order under 'keep' of the \
+                 'actions' in a mapping file (under 'names' where the same values are only called otherwise), or train \
+                 a model with these recordings"
+            )
+        );
+    }
 
     #[test]
     fn a_graph_of_other_subgoals_is_refused_with_both_lists() {

@@ -51,8 +51,12 @@ impl Mapping {
     /// What the task is called: as the file says, else as the file is called.
     pub fn task(&self) -> String {
         let stem = self.path.file_stem().unwrap_or_default().to_string_lossy();
-        let task = self.spec.task.as_ref().map(|t| t.value.clone());
-        task.unwrap_or_else(|| stem.into_owned())
+        self.said_task().unwrap_or(&stem).to_owned()
+    }
+
+    /// What the task is called, if the file says so.
+    pub fn said_task(&self) -> Option<&str> {
+        self.spec.task.as_ref().map(|t| t.value.as_str())
     }
 
     /// Every how many actions a step is taken, if that is said.

@@ -99,7 +99,7 @@ fn report(path: &Path, scan: &Scan, layout: &Layout, steps: Option<&Steps>) -> R
     let step_times = steps.map(Steps::chosen_times).unwrap_or_default();
     let step_times = &step_times[unseen..];
     let mut losses = scan.salvage.losses.clone();
-    losses.extend(layout.losses());
+    losses.extend(layout.losses(step_times));
     if unseen > 0 {
         losses.push(Loss::ActionsWithoutImages { actions: unseen });
     }

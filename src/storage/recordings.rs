@@ -38,6 +38,9 @@ struct Source {
     place: PathBuf,
     container: Container,
     view: View,
+    /// What its mapping file says that the task is called; none where it does not, or where datasets tell of several
+    /// tasks, which keep their names.
+    task_by_mapping: Option<String>,
 }
 
 #[derive(Clone, Debug)]
@@ -51,17 +54,26 @@ enum Container {
 
 impl Source {
     fn read(&self) -> Result<Recording, StorageError> {
-        match &self.container {
+        let mut recording = match &self.container {
             Container::Mcap => read_mcap(&self.place, &self.view),
             Container::Episode { dataset, number } => read_episode(dataset, *number, &self.view),
+        }?;
+        if let Some(task) = &self.task_by_mapping {
+            recording.trajectory.task.clone_from(task);
+            recording.report.task.clone_from(task);
         }
+        Ok(recording)
     }
 
     fn inspect(&self) -> Result<RecordingReport, StorageError> {
-        match &self.container {
+        let mut report = match &self.container {
             Container::Mcap => inspect_mcap(&self.place, &self.view),
             Container::Episode { dataset, number } => inspect_episode(dataset, *number, &self.view),
+        }?;
+        if let Some(task) = &self.task_by_mapping {
+            report.task.clone_from(task);
         }
+        Ok(report)
     }
 
     /// Files by their paths, episodes by their dataset and number.
@@ -115,6 +127,13 @@ impl Recordings {
                 paths: list(paths.iter().map(|p| p.display().to_string())),
             });
         }
+        if found.told_tasks().len() <= 1 {
+            for source in &mut found.sources {
+                let mapping = source.view.mapping.as_ref();
+                let said = mapping.and_then(|m| m.said_task());
+                source.task_by_mapping = said.map(str::to_owned);
+            }
+        }
         Ok(found)
     }
 
@@ -136,6 +155,7 @@ impl Recordings {
             place: path.to_owned(),
             container: Container::Mcap,
             view: view.clone(),
+            task_by_mapping: None,
         });
     }
 
@@ -150,6 +170,7 @@ impl Recordings {
                         number,
                     },
                     view: view.clone(),
+                    task_by_mapping: None,
                 });
             }
             return Ok(());

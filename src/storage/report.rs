@@ -21,7 +21,7 @@ pub struct RecordingReport {
     pub profile: String,
     /// The program that wrote it.
     pub library: String,
-    /// The task: of the metadata, else of the topic `/task`, else the folder's name.
+    /// The task: of the mapping file, else of the metadata, else of the topic `/task`, else the folder's name.
     pub task: String,
     /// Seconds from the first message to the last, over all topics.
     pub duration_secs: f64,
@@ -166,6 +166,16 @@ pub enum Loss {
         /// The longest gap, in thousandths of a second.
         longest_millis: u64,
     },
+    /// A camera gave no image any more long before the last action; the steps from there on show its last one, so that
+    /// how the demonstration ends is not seen.
+    CameraStopped {
+        /// The camera's topic.
+        topic: String,
+        /// How many images are missing.
+        images: u64,
+        /// From its last image to the last action, in thousandths of a second.
+        millis: u64,
+    },
     /// Actions before the first image of every camera.
     ActionsWithoutImages {
         /// How many.
@@ -175,7 +185,7 @@ pub enum Loss {
 
 impl Loss {
     /// Whether steps may be missing, so that neighbouring steps need not follow each other and the
-    /// last one need not be the end of the demonstration.
+    /// last one need not be, or need not show, the end of the demonstration.
     #[must_use]
     pub fn breaks_the_sequence(&self) -> bool {
         !matches!(
@@ -259,6 +269,16 @@ impl fmt::Display for Loss {
                 "about {images} images of {topic} are missing by its own rate, the longest gap is {} s; \
                  steps in a gap show the image before it",
                 *longest_millis as f64 / 1e3
+            ),
+            Self::CameraStopped {
+                topic,
+                images,
+                millis,
+            } => write!(
+                f,
+                "{topic} gave its last image {} s before the last action, about {images} images are missing and the \
+                 steps after it show that one: record it again, or leave this camera out in a mapping file",
+                *millis as f64 / 1e3
             ),
             Self::ActionsWithoutImages { actions } => {
                 write!(

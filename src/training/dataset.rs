@@ -9,6 +9,7 @@ use super::{ImitationConfig, TrainingError};
 use crate::task::{GripperEvent, GripperSignal};
 use crate::trajectory::{
     ActionSpace, CameraSpec, DemonstrationSet, Observation, State, Trajectory, printed_cameras,
+    told_apart,
 };
 
 /// One state of a [`Dataset`]: a step of one of its trajectories.
@@ -331,11 +332,12 @@ fn check_same_kind(first: &DemonstrationSet, set: &DemonstrationSet) -> Result<(
         });
     }
     if set.action_space() != first.action_space() {
+        let (expected, found) = told_apart(first.action_space(), set.action_space());
         return Err(TrainingError::ActionSpacesDiffer {
             first_set: first.task().to_owned(),
-            expected: first.action_space().to_string(),
+            expected,
             set: set.task().to_owned(),
-            found: set.action_space().to_string(),
+            found,
         });
     }
     Ok(())

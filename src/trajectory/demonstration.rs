@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Action, ActionSpace, CameraSpec, Observation, State, TrajectoryError, printed_cameras,
+    told_apart,
 };
 
 /// One time step: what was seen, and what was done then.
@@ -114,10 +115,8 @@ impl DemonstrationSet {
                 ));
             }
             if t.action_space != first.action_space {
-                return Err(disagrees(
-                    first.action_space.to_string(),
-                    t.action_space.to_string(),
-                ));
+                let (expected, found) = told_apart(&first.action_space, &t.action_space);
+                return Err(disagrees(expected, found));
             }
         }
         Ok(Self { task, trajectories })
@@ -151,5 +150,40 @@ impl DemonstrationSet {
     #[must_use]
     pub fn step_count(&self) -> usize {
         self.trajectories.iter().map(|t| t.steps.len()).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trajectory::Image;
+
+    #[test]
+    fn spaces_that_differ_in_names_alone_are_told_with_them() {
+        let trajectory = |id: &str, names: [&str; 2]| {
+            let image = Image::new(1, 1, vec![0; 3]).expect("one pixel");
+            Trajectory {
+                id: id.to_owned(),
+                task: "sock".to_owned(),
+                action_space: ActionSpace::Primitives {
+                    names: names.map(str::to_owned).to_vec(),
+                },
+                steps: vec![Step {
+                    time_secs: 0.0,
+                    observation: Arc::new(Observation::new([("head".to_owned(), image)])),
+                    action: Action::Primitive(0),
+                }],
+                markers: Vec::new(),
+            }
+        };
+        let both = vec![
+            trajectory("first", ["left", "right"]),
+            trajectory("second", ["right", "left"]),
+        ];
+        let error = DemonstrationSet::new("sock", both).expect_err("they differ");
+        assert_eq!(
+            error.to_string(),
+            "trajectory 'second' has 2 primitives (right, left), the others of the set have 2 primitives (left, right)"
+        );
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::episodes::{Episode, load_episodes};
+use super::episodes::{Episode, episode_files, load_episodes};
 use super::info::{ACTION, Feature, Info, listed};
 use super::restored::Restored;
 use super::{INFO, StorageError, fault};
@@ -15,6 +15,8 @@ pub(in crate::storage) struct Dataset {
     pub root: PathBuf,
     pub(super) info: Info,
     pub episodes: Vec<Episode>,
+    /// The files that describe them.
+    described_in: Vec<PathBuf>,
     pub(super) restored: Option<Restored>,
 }
 
@@ -32,15 +34,18 @@ impl Dataset {
     /// Reads the metadata of a dataset.
     pub fn open(root: &Path) -> Result<Self, StorageError> {
         let info = Info::load(root)?;
+        let described_in = episode_files(root, &info)?;
         Ok(Self {
             root: root.to_owned(),
-            episodes: load_episodes(root, &info)?,
+            episodes: load_episodes(root, &info, &described_in)?,
+            described_in,
             restored: Restored::load(root)?,
             info,
         })
     }
 
-    /// All files that the episodes consist of, relative to the dataset, sorted.
+    /// All files that the episodes consist of, relative to the dataset, sorted; but not images that lie beside a table,
+    /// which only its rows name.
     pub fn files(&self) -> Vec<PathBuf> {
         let mut files: Vec<PathBuf> = self
             .episodes
@@ -53,6 +58,8 @@ impl Dataset {
             })
             .collect();
         files.push(PathBuf::from(INFO));
+        let within = |file: &PathBuf| Some(file.strip_prefix(&self.root).ok()?.to_owned());
+        files.extend(self.described_in.iter().filter_map(within));
         let ours = super::restored::FILE;
         if self.restored.is_some() {
             files.push(PathBuf::from(ours));

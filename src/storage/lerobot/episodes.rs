@@ -35,11 +35,28 @@ pub(in crate::storage) struct VideoPart {
     pub from_secs: f64,
 }
 
-pub(super) fn load_episodes(root: &Path, info: &Info) -> Result<Vec<Episode>, StorageError> {
-    let mut episodes = match info.version {
-        Some(Version::Three) => load_tables(root, info)?,
-        _ => load_lines(root, info)?,
-    };
+/// The files that describe the episodes, sorted: of version 2 a text, of version 3 tables, such as
+/// `meta/episodes/chunk-000/file-000.parquet`.
+pub(super) fn episode_files(root: &Path, info: &Info) -> Result<Vec<PathBuf>, StorageError> {
+    match info.version {
+        Some(Version::Three) => tables_below(&root.join("meta/episodes")),
+        _ => Ok(vec![root.join("meta/episodes.jsonl")]),
+    }
+}
+
+/// The episodes that these files describe.
+pub(super) fn load_episodes(
+    root: &Path,
+    info: &Info,
+    files: &[PathBuf],
+) -> Result<Vec<Episode>, StorageError> {
+    let mut episodes = Vec::new();
+    for file in files {
+        episodes.extend(match info.version {
+            Some(Version::Three) => load_table(file, info)?,
+            _ => load_lines(file, info)?,
+        });
+    }
     episodes.sort_by_key(|e| e.index);
     let path = root.join("meta");
     if let Some(twice) = episodes.windows(2).find(|w| w[0].index == w[1].index) {
@@ -67,15 +84,14 @@ struct EpisodeLine {
 }
 
 /// Version 2: a JSON object a line.
-fn load_lines(root: &Path, info: &Info) -> Result<Vec<Episode>, StorageError> {
-    let path = root.join("meta/episodes.jsonl");
-    let text = read_text(&path)?;
+fn load_lines(path: &Path, info: &Info) -> Result<Vec<Episode>, StorageError> {
+    let text = read_text(path)?;
     let mut episodes = Vec::new();
     for (number, line) in text.lines().enumerate() {
         if line.trim().is_empty() {
             continue;
         }
-        let at = |reason: String| fault(&path, format!("line {}: {reason}", number + 1));
+        let at = |reason: String| fault(path, format!("line {}: {reason}", number + 1));
         let line: EpisodeLine = serde_json::from_str(line).map_err(|e| {
             let told = e.to_string().replace("at line 1 column", "at column");
             at(format!("{told}. Each line is one episode: {{\"episode_index\": 0, \"tasks\": [..], \"length\": 10}}"))
@@ -112,26 +128,24 @@ fn load_lines(root: &Path, info: &Info) -> Result<Vec<Episode>, StorageError> {
 const DEFAULT_VIDEO_PATH: &str =
     "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4";
 
-/// Version 3: tables in `meta/episodes/chunk-000/file-000.parquet` and so on.
-fn load_tables(root: &Path, info: &Info) -> Result<Vec<Episode>, StorageError> {
+/// Version 3: a table.
+fn load_table(path: &Path, info: &Info) -> Result<Vec<Episode>, StorageError> {
     let mut episodes = Vec::new();
-    for path in tables_below(&root.join("meta/episodes"))? {
-        let table = Table::open(&path)?;
-        let wanted = |name: &str| {
-            matches!(name, "episode_index" | "tasks" | "length")
-                || name.starts_with("data/")
-                || name.starts_with("videos/")
+    let table = Table::open(path)?;
+    let wanted = |name: &str| {
+        matches!(name, "episode_index" | "tasks" | "length")
+            || name.starts_with("data/")
+            || name.starts_with("videos/")
+    };
+    let names: Vec<String> = table.columns().into_iter().filter(|n| wanted(n)).collect();
+    for batch in table.read(&names, None)? {
+        let batch = batch?;
+        let columns = Columns {
+            path,
+            batch: &batch,
         };
-        let names: Vec<String> = table.columns().into_iter().filter(|n| wanted(n)).collect();
-        for batch in table.read(&names, None)? {
-            let batch = batch?;
-            let columns = Columns {
-                path: &path,
-                batch: &batch,
-            };
-            for row in 0..batch.num_rows() {
-                episodes.push(columns.episode(row, info)?);
-            }
+        for row in 0..batch.num_rows() {
+            episodes.push(columns.episode(row, info)?);
         }
     }
     Ok(episodes)

@@ -292,6 +292,40 @@ fn every_and_image_size_thin_out_a_dataset() {
 }
 
 #[test]
+fn a_mapping_file_names_the_task_of_a_dataset_that_has_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+    let carrots = bridge().join("put_carrot_on_plate");
+    convert_to_lerobot(&open(&carrots), &one, PictureFormat::Png).unwrap();
+    convert_to_lerobot(&open(&bridge()), &two, PictureFormat::Png).unwrap();
+    let mapping = folder.path().join("fetch.yaml");
+    let first_task = |dataset: &str| {
+        fs::write(&mapping, format!("recordings: {dataset}\ntask: fetch\n")).unwrap();
+        all(&mapping).remove(0).trajectory.task
+    };
+    assert_eq!(first_task("one"), "fetch");
+    assert_eq!(first_task("two"), "put carrot on plate");
+}
+
+#[test]
+fn what_describes_the_episodes_is_part_of_the_digest() {
+    let folder = tempfile::tempdir().unwrap();
+    let (three, two) = (folder.path().join("three"), folder.path().join("two"));
+    convert_to_lerobot(&open(&bridge()), &three, PictureFormat::Png).unwrap();
+    as_version_two(&three, &two);
+    let tables = Path::new("meta/episodes/chunk-000/file-000.parquet");
+    let files = Dataset::open(&three).unwrap().files();
+    assert!(files.iter().any(|f| f == tables), "{files:?}");
+    let before = open(&two).digest().unwrap();
+    let path = two.join("meta/episodes.jsonl");
+    let lines = fs::read_to_string(&path).unwrap();
+    let called_otherwise = lines.replacen("carrot", "potato", 1);
+    assert_ne!(lines, called_otherwise);
+    fs::write(&path, called_otherwise).unwrap();
+    assert_ne!(open(&two).digest().unwrap(), before);
+}
+
+#[test]
 fn missing_frames_leave_an_episode_out() {
     let folder = tempfile::tempdir().unwrap();
     let (three, two) = (folder.path().join("three"), folder.path().join("two"));

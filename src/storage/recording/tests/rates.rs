@@ -164,6 +164,68 @@ fn images_that_a_camera_left_out_are_counted_and_the_last_one_stands() {
 }
 
 #[test]
+fn a_camera_that_stops_long_before_the_actions_leaves_the_recording_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("arm.mcap");
+    let every_100 = |count: u64| -> Vec<u64> { (0..count).map(|i| i * 100).collect() };
+    let topic = || "/camera/top".to_owned();
+    let read_with = |images: u64, actions: u64| {
+        write(&path, &every_100(images), &every_100(actions));
+        let recording = read(folder.path(), "", &ReadOptions::default());
+        assert_eq!(recording.trajectory.steps.len() as u64, actions);
+        (recording.report.losses, recording.report.left_out)
+    };
+    let (losses, left_out) = read_with(6, 31);
+    let stopped = Loss::CameraStopped {
+        topic: topic(),
+        images: 25,
+        millis: 2500,
+    };
+    assert_eq!(losses, [stopped]);
+    let left_out = left_out.unwrap_or_default();
+    assert!(
+        left_out.contains("/camera/top gave its last image 2.5 s before the last action"),
+        "{left_out}"
+    );
+    let (losses, left_out) = read_with(6, 11);
+    let missing = Loss::MissingImages {
+        topic: topic(),
+        images: 5,
+        longest_millis: 500,
+    };
+    assert_eq!((losses, left_out), (vec![missing], None));
+    assert_eq!(read_with(6, 9), (Vec::new(), None), "a little earlier");
+    let (losses, _) = read_with(1, 31);
+    assert!(
+        matches!(losses[..], [Loss::CameraStopped { millis: 3000, .. }]),
+        "{losses:?}"
+    );
+}
+
+#[test]
+fn the_task_of_a_mapping_file_stands_before_that_of_the_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let times = [0, 100, 200];
+    write(&folder.path().join("arm.mcap"), &times, &times);
+    let task = |keys: &str| {
+        let recording = read(folder.path(), keys, &ReadOptions::default());
+        let mapping = folder.path().join("arm.yaml");
+        let recordings = Recordings::open(&[mapping], &ReadOptions::default()).unwrap();
+        let looked = recordings.inspect().remove(0).unwrap();
+        assert_eq!(recording.report.task, recording.trajectory.task);
+        assert_eq!(recording.report.task, looked.task);
+        (looked.task, recordings.tasks())
+    };
+    let folders_name = folder.path().file_name().unwrap().to_string_lossy();
+    assert_eq!(
+        task(""),
+        (folders_name.into_owned(), vec!["arm".to_owned()])
+    );
+    let named = "fetch the cup".to_owned();
+    assert_eq!(task("task: fetch the cup"), (named.clone(), vec![named]));
+}
+
+#[test]
 fn primitives_are_not_thinned_out() {
     let folder = tempfile::tempdir().unwrap();
     let (path, _) = written(folder.path(), 9);
