@@ -120,6 +120,12 @@ pub(super) enum CliError {
         /// What makes them agree.
         way_out: &'static str,
     },
+    /// A picture would lie among a graph's tables, which the next graph would not replace then.
+    #[error("{} would lie in the graph's folder, which holds its tables only: name another place with --svg", svg.display())]
+    PictureInGraph {
+        /// The picture.
+        svg: PathBuf,
+    },
     /// A merged graph would take the place of one that it is made of.
     #[error("{} is one of the graphs to be merged: name another folder with --out", graph.display())]
     MergedIntoItself {
@@ -136,7 +142,7 @@ pub(super) enum CliError {
     },
     /// A file holds what was measured with other settings, on other demonstrations or by another version.
     #[error(
-        "{} holds what was measured otherwise (other flags, demonstrations, tasks, model or version): --out DIR keeps \
+        "{} holds what was measured otherwise (other flags, demonstrations, tasks, model, machine or version): --out DIR keeps \
          both, --replace measures it anew",
         file.display()
     )]

@@ -83,7 +83,6 @@ fn build_graph(
         .out
         .clone()
         .unwrap_or_else(|| task.graph.clone());
-    check_graph_place(&out)?;
     let options = BuildOptions {
         candidates: candidates(build_arguments.nearest)?,
         ..BuildOptions::default()
@@ -100,6 +99,7 @@ fn build_graph(
         println!("{} is up to date", out.display());
         return Ok(());
     }
+    check_graph_place(&out)?;
     let mut folder = BuildFolder::open(&out, &manifest, options.part_pairs)?;
     let (set, _) = read_demonstrations(&recordings, &task.task.name)?;
     let set = in_model_space(&set, &model)?;
@@ -209,6 +209,13 @@ fn merge_graphs(
 ) -> Result<(), CliError> {
     let out = &merge_arguments.out;
     check_graph_place(out)?;
+    if let Some(svg) = merge_arguments
+        .svg
+        .as_ref()
+        .filter(|svg| svg.parent() == Some(out.as_path()))
+    {
+        return Err(CliError::PictureInGraph { svg: svg.clone() });
+    }
     let same = |graph: &&PathBuf| fs::canonicalize(graph).ok() == fs::canonicalize(out).ok();
     if let Some(graph) = merge_arguments
         .graphs

@@ -178,8 +178,10 @@ fn check_alike(
     let kind = metadata.get(PRACTICE_NOTE).map(String::as_str);
     let kind = kind.or(is_practice.then_some(UNKNOWN_PRACTICE));
     let wanted = practice.map(PracticeArgument::name);
+    // Recordings of before the note was written do not tell of which bedroom they are.
+    let is_same_bedroom = note.is_none() || noted.as_ref() == Some(config);
     let is_same_kind = kind == wanted || (kind == Some(UNKNOWN_PRACTICE) && wanted.is_some());
-    if noted.as_ref() == Some(config) && is_same_kind {
+    if is_same_bedroom && is_same_kind {
         return Ok(());
     }
     Err(CliError::RecordedOtherwise {

@@ -13,6 +13,8 @@ pub(super) struct Method {
     pub(super) plans: bool,
     /// Whether its network encodes each pair of states, so that only the pairs of the nearest states are asked for.
     pub(super) encodes_pairs: bool,
+    /// Whether it learns from windows of several states.
+    pub(super) has_memory: bool,
 }
 
 /// What `catena graph build` is told where each pair costs an encoding. Its learned edges are not planned over
@@ -45,6 +47,7 @@ const fn planning(
         flags,
         plans: true,
         encodes_pairs: false,
+        has_memory: false,
     }
 }
 
@@ -72,6 +75,18 @@ const fn baseline(
     }
 }
 
+/// One that does not, and that acts on several states.
+const fn with_memory(
+    name: &'static str,
+    described: &'static str,
+    flags: &'static [&'static str],
+) -> Method {
+    Method {
+        has_memory: true,
+        ..baseline(name, described, flags)
+    }
+}
+
 /// This crate's way.
 pub(super) const OURS: Method = planning("ours", "ours: latent flow, two cameras, planned", &[]);
 /// Behaviour cloning.
@@ -83,8 +98,8 @@ pub(super) const MVP: &str = "mvp";
 pub(super) const TABLE_1: [Method; 5] = [
     OURS,
     BC,
-    baseline("bc_rnn", "BC-RNN", &["--method", "bc_rnn"]),
-    baseline("rt1", "RT-1", &["--method", "rt1"]),
+    with_memory("bc_rnn", "BC-RNN", &["--method", "bc_rnn"]),
+    with_memory("rt1", "RT-1", &["--method", "rt1"]),
     baseline(MVP, "MVP", &["--method", "mvp"]),
 ];
 

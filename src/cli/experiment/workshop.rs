@@ -22,6 +22,8 @@ use crate::storage::{ReadOptions, Recordings, sha256_file, write_file};
 const RECORDING_SEED: u64 = 1;
 /// How a command is told with how many threads it computes.
 const THREADS: &str = "RAYON_NUM_THREADS";
+/// Networks that learnt otherwise, the last states of a demonstration less than others, are not these.
+const OF_MEMORY: &str = "every state counts alike";
 /// Digits of a digest that tell folders apart.
 const MARK_DIGITS: usize = 8;
 /// Lines of a log that are shown of a command that failed.
@@ -48,6 +50,8 @@ pub(super) struct Workshop<'a> {
     tasks: Vec<String>,
     /// SHA-256 of the encoder that somebody else trained, and of what is said beside it.
     encoder: Vec<String>,
+    /// How methods with a memory learn, which their flags do not tell.
+    of_memory: Vec<String>,
     /// The commit of the working tree, if it is one.
     pub(super) commit: Option<String>,
 }
@@ -87,6 +91,7 @@ impl<'a> Workshop<'a> {
             recordings,
             tasks,
             encoder,
+            of_memory: vec![OF_MEMORY.to_owned()],
             commit: revision(&arguments.root),
             paper,
             arguments,
@@ -99,7 +104,7 @@ impl<'a> Workshop<'a> {
 
     /// What a method learns from and is measured on, for digests.
     pub(super) fn ingredients(&self, method: &Method) -> [&[String]; 3] {
-        [&self.recordings, &self.tasks, self.encoder_of(method)]
+        [&self.recordings, &self.tasks, self.particulars(method)]
     }
 
     /// A cell that may not be replaced.
@@ -119,22 +124,25 @@ impl<'a> Workshop<'a> {
         Missing::unless_kept::<T>(file, digest, self.paper.replace)
     }
 
-    fn encoder_of(&self, method: &Method) -> &[String] {
+    /// What one method learns from beside recordings, or how.
+    fn particulars(&self, method: &Method) -> &[String] {
         if method.name == MVP {
             &self.encoder
+        } else if method.has_memory {
+            &self.of_memory
         } else {
             &[]
         }
     }
 
-    /// A mark in a folder's name of what a method learns from, where that was given: what is made of other files lies
-    /// beside it. None of what this program records.
+    /// A mark in a folder's name of what a method learns from and how, where its name does not tell: what is made
+    /// otherwise lies beside it. None of what this program records.
     fn mark(&self, method: &Method) -> Result<String, CliError> {
         let recordings: &[String] = match self.paper.demos {
             Some(_) => &self.recordings,
             None => &[],
         };
-        let given = [recordings, self.encoder_of(method)];
+        let given = [recordings, self.particulars(method)];
         if given.concat().is_empty() {
             return Ok(String::new());
         }
