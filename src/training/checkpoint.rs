@@ -67,13 +67,20 @@ pub struct BestSoFar {
     pub temperature: f32,
 }
 
-/// In which values a checkpoint's configuration differs from the one that is wanted.
-pub fn differing_configurations(found: &impl Serialize, wanted: &impl Serialize) -> String {
+/// What of a checkpoint is another training's: values of its configuration, found and wanted, or its demonstrations.
+/// The caller takes what may be changed between two calls, such as the time limit, to be equal.
+pub fn what_differs<C: Serialize + PartialEq>(
+    [found, wanted]: [&C; 2],
+    [demonstrations, wanted_demonstrations]: [&str; 2],
+) -> Option<String> {
+    if found == wanted {
+        return (demonstrations != wanted_demonstrations).then(|| "demonstrations".to_owned());
+    }
     let tree = |config: serde_json::Result<Value>| config.unwrap_or_default();
     let mut differing = Vec::new();
     let (found, wanted) = (serde_json::to_value(found), serde_json::to_value(wanted));
     differences("", &tree(found), &tree(wanted), &mut differing);
-    format!("configurations ({})", differing.join(", "))
+    Some(format!("configurations ({})", differing.join(", ")))
 }
 
 fn differences(name: &str, found: &Value, wanted: &Value, differing: &mut Vec<String>) {

@@ -5,7 +5,7 @@ use burn::tensor::Device;
 
 use super::augmentation::check_mirror;
 use super::batch::{Batcher, Pictures, StepInput};
-use super::checkpoint::{BestSoFar, Checkpoint, TrainingState, differing_configurations};
+use super::checkpoint::{BestSoFar, Checkpoint, TrainingState, what_differs};
 use super::course::{self, Course, Pace, Progress, Sizes};
 use super::evaluation::{ValidationSet, encode, values};
 use super::history::History;
@@ -316,17 +316,14 @@ fn check_same(
 ) -> Result<(), TrainingError> {
     let mut config = found.config.clone();
     config.max_minutes = wanted.config.max_minutes;
-    let what = if config != wanted.config {
-        differing_configurations(&config, &wanted.config)
-    } else if found.demonstrations != wanted.demonstrations {
-        "demonstrations".to_owned()
-    } else {
-        return Ok(());
-    };
-    Err(TrainingError::CheckpointOfAnother {
-        path: <Checkpoint>::path(folder),
-        what,
-    })
+    let demonstrations = [&*found.demonstrations, &*wanted.demonstrations];
+    match what_differs([&config, &wanted.config], demonstrations) {
+        None => Ok(()),
+        Some(what) => Err(TrainingError::CheckpointOfAnother {
+            path: <Checkpoint>::path(folder),
+            what,
+        }),
+    }
 }
 
 /// What a model says of its landmarks, with how well it sees them in all demonstrations that it was trained on, and how far

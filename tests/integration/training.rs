@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 
 use crate::command::{catena, path, succeeded, text};
 
@@ -139,6 +139,20 @@ fn a_training_that_cannot_write_says_so_and_goes_on_when_it_can() {
     assert!(at("model").join("manifest.json").exists());
 }
 
+/// An experiment on the recordings in a folder's `demos`, which works in `work` and keeps its cells in `out`.
+fn experiment(folder: &Path, words: &[&str]) -> Output {
+    let [demos, work, out] = ["demos", "work", "out"].map(|name| folder.join(name));
+    let places = [
+        "--demos",
+        path(&demos),
+        "--work",
+        path(&work),
+        "--out",
+        path(&out),
+    ];
+    catena(&[&["experiment"], words, &places].concat())
+}
+
 #[test]
 fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -146,24 +160,12 @@ fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
     for task in ["sock", "trash", "wine"] {
         recorded(&at("demos"), task, "2");
     }
-    let (demos, work, out) = (at("demos"), at("work"), at("out"));
+    let (work, out) = (at("work"), at("out"));
     let run = |more: &[&str]| {
-        let words = [
-            "experiment",
-            "fig5",
-            "--demonstrations",
-            "2",
-            "--steps",
-            "3",
-            "--quick",
-            "--demos",
-            path(&demos),
-            "--work",
-            path(&work),
-            "--out",
-            path(&out),
-        ];
-        succeeded(&[&words[..], more].concat())
+        let words = ["fig5", "--quick", "--demonstrations", "2", "--steps", "3"];
+        let output = experiment(folder.path(), &[&words[..], more].concat());
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stdout)
     };
     let first = run(&["--methods", "siamese"]);
     assert!(
@@ -206,17 +208,7 @@ fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
     assert!(svg.contains("wrist camera only") && !svg.contains("stacked frames"));
 
     let refused = |more: &[&str]| {
-        let words = [
-            "experiment",
-            "table1",
-            "--demos",
-            path(&demos),
-            "--work",
-            path(&work),
-            "--out",
-            path(&out),
-        ];
-        let output = catena(&[&words[..], more].concat());
+        let output = experiment(folder.path(), &[&["table1"], more].concat());
         assert!(!output.status.success());
         text(&output.stderr)
     };
@@ -243,26 +235,10 @@ fn other_recordings_are_another_training_and_replace_nothing_unasked() {
     for task in ["sock", "trash", "wine"] {
         recorded(&at("demos"), task, "1");
     }
-    let (demos, work, out) = (at("demos"), at("work"), at("out"));
+    let (demos, work) = (at("demos"), at("work"));
     let fig5 = |more: &[&str]| {
-        let words = [
-            "experiment",
-            "fig5",
-            "--quick",
-            "--steps",
-            "2",
-            "--methods",
-            "siamese",
-        ];
-        let places = [
-            "--demos",
-            path(&demos),
-            "--work",
-            path(&work),
-            "--out",
-            path(&out),
-        ];
-        catena(&[&words[..], &places, more].concat())
+        let words = ["fig5", "--quick", "--steps", "2", "--methods", "siamese"];
+        experiment(folder.path(), &[&words[..], more].concat())
     };
     let folders = || fs::read_dir(&work).expect("a folder").count();
     assert!(fig5(&["--demonstrations", "1"]).status.success());

@@ -1,9 +1,8 @@
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::plan::digest;
+use super::plan::{digest, make};
 use crate::cli::arguments::{Arguments, ChainingArguments, EvaluateArguments, PlannerArgument};
 use crate::cli::error::CliError;
 use crate::cli::evaluate::{bedroom, episodes};
@@ -47,10 +46,7 @@ pub(super) fn chaining(
         policy: None,
     };
     let out = &chaining_arguments.out;
-    fs::create_dir_all(out).map_err(|source| CliError::Io {
-        path: out.clone(),
-        source,
-    })?;
+    make(out)?;
     // Before hours are spent.
     let mut missing = Vec::new();
     for method in ChainingMethod::ALL {

@@ -122,10 +122,16 @@ pub(super) fn out(arguments: &PaperArguments, name: &str) -> Result<PathBuf, Cli
     };
     let usual = || Path::new(parent).join(name);
     let out = arguments.out.clone().unwrap_or_else(usual);
-    match fs::create_dir_all(&out) {
-        Ok(()) => Ok(out),
-        Err(source) => Err(CliError::Io { path: out, source }),
-    }
+    make(&out)?;
+    Ok(out)
+}
+
+/// Makes a folder that is not there yet.
+pub(super) fn make(folder: &Path) -> Result<(), CliError> {
+    fs::create_dir_all(folder).map_err(|source| CliError::Io {
+        path: folder.to_owned(),
+        source,
+    })
 }
 
 /// A digest of what a cell depends on.

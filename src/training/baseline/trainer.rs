@@ -12,7 +12,7 @@ use super::validation::HeldOut;
 use super::{BaselineConfig, BaselineNetwork, TrainedBaseline};
 use crate::model::{BaselineValidation, FeatureEncoder};
 use crate::training::augmentation::check_mirror;
-use crate::training::checkpoint::{Checkpoint, differing_configurations};
+use crate::training::checkpoint::{Checkpoint, what_differs};
 use crate::training::course::{self, Course, Pace, Progress, Sizes};
 use crate::training::history::LossTable;
 use crate::training::learner::Learner;
@@ -301,19 +301,17 @@ fn check_same(
 ) -> Result<(), TrainingError> {
     let mut config = found.config.clone();
     config.max_minutes = wanted.config.max_minutes;
-    let what = if config != wanted.config {
-        differing_configurations(&config, &wanted.config)
-    } else if found.demonstrations != wanted.demonstrations {
-        "demonstrations".to_owned()
-    } else if (&found.frozen, &found.spec) != (&wanted.frozen, &wanted.spec) {
-        "frozen encoders".to_owned()
-    } else {
-        return Ok(());
-    };
-    Err(TrainingError::CheckpointOfAnother {
-        path: Checkpoint::<BaselineState>::path(folder),
-        what,
-    })
+    let demonstrations = [&*found.demonstrations, &*wanted.demonstrations];
+    let is_of_another_encoder = (&found.frozen, &found.spec) != (&wanted.frozen, &wanted.spec);
+    let what = what_differs([&config, &wanted.config], demonstrations)
+        .or_else(|| is_of_another_encoder.then(|| "frozen encoders".to_owned()));
+    match what {
+        None => Ok(()),
+        Some(what) => Err(TrainingError::CheckpointOfAnother {
+            path: Checkpoint::<BaselineState>::path(folder),
+            what,
+        }),
+    }
 }
 
 fn row(step: u64, rate: f64, loss: f32, validation: Option<&BaselineValidation>) -> String {
