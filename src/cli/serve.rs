@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use super::arguments::{Arguments, LimitArguments, ServeArguments};
 use super::error::CliError;
-use super::loaded::{Loaded, graph_digests};
+use super::loaded::{Loaded, graph_digests, tell_warnings};
 use crate::rollout::Controller;
 use crate::serve::{ApiKey, PolicyLabel, PolicyService, ServeLimits, Server, Service, Stop};
 
@@ -15,9 +15,7 @@ pub(super) fn serve(
     let server = server(serve_arguments.bind, &serve_arguments.limits)?;
     let loaded = Loaded::load(&serve_arguments.target, arguments)?;
     let composition = &loaded.composition;
-    for warning in &composition.warnings {
-        eprintln!("warning: {}", warning.message);
-    }
+    tell_warnings(composition);
     let planner = loaded.planner(composition.planner.clone())?;
     planner.plan_from_start().map_err(CliError::NoPath)?;
     let options = loaded.rollout_options(serve_arguments.nearest_states);
@@ -40,7 +38,7 @@ pub(super) fn serve(
         composition.name,
         cameras.join(", "),
         spec.action_space,
-        label.engine
+        loaded.model.engine().description()
     );
     run(
         server,

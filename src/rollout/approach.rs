@@ -124,7 +124,8 @@ impl Approach {
         self.is_closed = false;
         self.seen.iter_mut().for_each(Seen::clear);
         (self.closing, self.departure) = (None, Vec::new());
-        self.is_stopped = false;
+        (self.closed_steps, self.empty_looks) = (0, 0);
+        (self.is_lifting, self.is_stopped) = (false, false);
         self.enter();
     }
 

@@ -4,7 +4,7 @@ use crate::environment::EnvironmentError;
 use crate::graph::GraphError;
 use crate::model::ModelError;
 use crate::planner::PlannerError;
-use crate::trajectory::TrajectoryError;
+use crate::trajectory::{ActionSpace, TrajectoryError, told_apart};
 
 /// Why a run broke off. That a plan does not exist, or that time ran out, is no error but an
 /// [`EpisodeEnd`](super::EpisodeEnd).
@@ -48,4 +48,18 @@ pub enum RolloutError {
         /// The model's.
         model: String,
     },
+}
+
+impl RolloutError {
+    /// Refuses a robot whose actions are not those of a model.
+    pub(super) fn unless_same_actions(
+        robot: &ActionSpace,
+        model: &ActionSpace,
+    ) -> Result<(), Self> {
+        if robot == model {
+            return Ok(());
+        }
+        let (robot, model) = told_apart(robot, model);
+        Err(Self::ActionSpaceDiffers { robot, model })
+    }
 }

@@ -87,12 +87,7 @@ impl<'a> ReactiveRollout<'a> {
         mut done: impl FnMut(&E) -> bool,
     ) -> Result<Episode, RolloutError> {
         let space = &self.policy.spec().action_space;
-        if environment.action_space() != *space {
-            return Err(RolloutError::ActionSpaceDiffers {
-                robot: environment.action_space().to_string(),
-                model: space.to_string(),
-            });
-        }
+        RolloutError::unless_same_actions(&environment.action_space(), space)?;
         let failed = |step| move |source| RolloutError::Environment { step, source };
         let mut newest = Arc::new(environment.reset(seed).map_err(failed(0))?);
         let mut seen = Seen {
@@ -358,18 +353,19 @@ mod tests {
     #[test]
     fn a_robot_with_other_actions_is_refused() {
         let mut policy = climber();
-        policy.spec.action_space = ActionSpace::Primitives {
-            names: vec!["left".to_owned()],
+        let ActionSpace::Primitives { names } = &mut policy.spec.action_space else {
+            unreachable!("a lift has primitives")
         };
+        names.reverse();
         let rollout = ReactiveRollout::new(&policy, &goal(200), options(4)).expect("a goal");
         let mut lift = Lift {
             level: 0,
             ceiling: 60,
         };
         let refused = rollout.run(&mut lift, 50, &mut (), |_| false);
-        assert!(matches!(
-            refused,
-            Err(RolloutError::ActionSpaceDiffers { .. })
-        ));
+        let Err(RolloutError::ActionSpaceDiffers { robot, model }) = refused else {
+            panic!("it runs")
+        };
+        assert_ne!(robot, model, "as many primitives, in another order");
     }
 }

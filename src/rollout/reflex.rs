@@ -3,7 +3,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::model::ActionDistribution;
 use crate::task::GripperSignal;
-use crate::trajectory::{ActionSpace, Image, Observation};
+use crate::trajectory::{Action, ActionSpace, Image, Observation};
 
 /// Keeps a robot from trying what just had no effect: an arm at its limit, a base against furniture.
 ///
@@ -20,6 +20,8 @@ pub(super) struct Reflex {
     by_base: Vec<Option<usize>>,
     /// The classes that close and open the gripper.
     gripper: Vec<usize>,
+    /// The class that ends an episode: no substitute for another one.
+    end: Option<usize>,
     /// What had an effect, in order, what was undone taken off.
     done: Vec<usize>,
     /// Steps without effect since the robot last came nearer to its goal.
@@ -41,6 +43,10 @@ impl Reflex {
             opposites: space.opposites(),
             by_base: space.by_base(),
             gripper: GripperSignal::default().classes(space),
+            end: match space.terminate() {
+                Some(Action::Primitive(class)) => Some(class),
+                _ => None,
+            },
             ..Self::default()
         }
     }
@@ -125,7 +131,7 @@ impl Reflex {
             return best;
         };
         let most_probable = |skipped: &dyn Fn(usize) -> bool| {
-            self.allowed(head.len())
+            self.allowed(head.len(), *wanted)
                 .filter(|class| !skipped(*class))
                 .max_by(|a, b| head[*a].total_cmp(&head[*b]).then(b.cmp(a)))
         };
@@ -159,13 +165,16 @@ impl Reflex {
         let [head] = &distribution.heads[..] else {
             return distribution.most_probable();
         };
-        let wanted = distribution.most_probable();
-        if let Some(drive) = wanted.first().and_then(|wanted| self.driven(*wanted)) {
+        let [wanted] = distribution.most_probable()[..] else {
+            return distribution.most_probable();
+        };
+        if let Some(drive) = self.driven(wanted) {
             return vec![drive];
         }
-        let total: f32 = self.allowed(head.len()).map(|class| head[class]).sum();
+        let allowed = || self.allowed(head.len(), wanted);
+        let total: f32 = allowed().map(|class| head[class]).sum();
         let mut lot = rng.random_range(0.0..=1.0_f32) * total;
-        self.allowed(head.len())
+        allowed()
             .find(|class| {
                 lot -= head[*class];
                 lot <= 0.0
@@ -188,8 +197,10 @@ impl Reflex {
         self.ruled_out.iter().any(|r| r[..] == [class])
     }
 
-    fn allowed(&self, classes: usize) -> impl Iterator<Item = usize> {
-        (0..classes).filter(|class| !self.is_ruled_out(*class))
+    /// The classes that are not ruled out; the one that ends an episode only where it is wanted.
+    fn allowed(&self, classes: usize, wanted: usize) -> impl Iterator<Item = usize> {
+        let ends = self.end.filter(|end| *end != wanted);
+        (0..classes).filter(move |class| Some(*class) != ends && !self.is_ruled_out(*class))
     }
 }
 
@@ -386,6 +397,27 @@ mod tests {
             ["hand_up", "hand_up", "hand_down", "hand_up", "hand_up"]
         );
         assert_eq!(chosen[5], "back", "not down once more, nor the gripper");
+    }
+
+    #[test]
+    fn an_episode_is_not_ended_for_want_of_something_better() {
+        let names = ["ahead", "terminate", "aside"].map(str::to_owned);
+        let mut reflex = Reflex::new(&ActionSpace::Primitives {
+            names: names.to_vec(),
+        });
+        let wants_ahead = ActionDistribution {
+            heads: vec![vec![0.7, 0.2, 0.1]],
+        };
+        reflex.note(&[0], &grey(10), &grey(10), STILL);
+        assert_eq!(reflex.choose(&wants_ahead, 0.0), [2]);
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        for _ in 0..50 {
+            assert_eq!(reflex.draw(&wants_ahead, &mut rng), [2]);
+        }
+        let wants_the_end = ActionDistribution {
+            heads: vec![vec![0.1, 0.8, 0.1]],
+        };
+        assert_eq!(reflex.choose(&wants_the_end, 0.0), [1]);
     }
 
     #[test]

@@ -67,12 +67,7 @@ impl<'a> Rollout<'a> {
         observer: &mut dyn RolloutObserver,
     ) -> Result<Episode, RolloutError> {
         let spec = self.model.encoder.spec();
-        if environment.action_space() != spec.action_space {
-            return Err(RolloutError::ActionSpaceDiffers {
-                robot: environment.action_space().to_string(),
-                model: spec.action_space.to_string(),
-            });
-        }
+        RolloutError::unless_same_actions(&environment.action_space(), &spec.action_space)?;
         let controller = &mut self.controller;
         controller.reset(seed);
         let failed = |step| move |source| RolloutError::Environment { step, source };

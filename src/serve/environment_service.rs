@@ -9,7 +9,8 @@ use crate::trajectory::{Action, ActionSpace, CameraSpec, Observation};
 
 /// A simulated robot that knows what really happened, for those who judge a policy.
 pub trait Simulated: Environment {
-    /// What became of each subgoal so far: its name, and `reached`, `skipped` or `missed`.
+    /// What became of each subgoal so far, in order: its name, and `reached`, `skipped` or `missed`. Clients get those
+    /// of a later round of a task under `NAME#2` and so on.
     fn outcomes(&self) -> Vec<(String, String)>;
 
     /// Whether every subgoal was reached in its order.
@@ -59,7 +60,10 @@ impl<'a> EnvironmentService<'a> {
             environment: name,
             cameras: &first.cameras(),
             action_space: &first.action_space(),
-            subgoals: first.outcomes().into_iter().map(|o| o.0).collect(),
+            subgoals: by_round(first.outcomes())
+                .into_iter()
+                .map(|o| o.0)
+                .collect(),
         };
         Self {
             metadata: pack(&metadata),
@@ -111,13 +115,27 @@ impl Conversation for World {
         Ok(pack(&Seen {
             observation: arrays(&observation),
             step: self.step.unwrap_or_default(),
-            subgoals: self.robot.outcomes().into_iter().collect(),
+            subgoals: by_round(self.robot.outcomes()).into_iter().collect(),
             success: self.robot.has_succeeded(),
             server_timing: Timing {
                 step_ms: begun.elapsed().as_secs_f64() * 1e3,
             },
         }))
     }
+}
+
+/// Outcomes under names that tell rounds of the same task apart: `trash/can_in_bin`, then `trash/can_in_bin#2`.
+fn by_round(outcomes: Vec<(String, String)>) -> Vec<(String, String)> {
+    let mut rounds: BTreeMap<String, usize> = BTreeMap::new();
+    let named = outcomes.into_iter().map(|(name, outcome)| {
+        let round = rounds.entry(name.clone()).or_default();
+        *round += 1;
+        match *round {
+            1 => (name, outcome),
+            round => (format!("{name}#{round}"), outcome),
+        }
+    });
+    named.collect()
 }
 
 fn arrays(observation: &Observation) -> BTreeMap<&str, ArrayOf<'_>> {

@@ -7,7 +7,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum ServeError {
     /// Another program has the port, or the address is not this machine's.
-    #[error("cannot listen on {address}: {reason}; another port is taken with --bind {}:PORT", .address.ip())]
+    #[error("cannot listen on {address}: {reason}; another port is taken with --bind {}", SocketAddr::new(.address.ip(), 0))]
     Bind {
         /// Where.
         address: SocketAddr,

@@ -11,6 +11,8 @@ use super::arrays::{self, NdArray};
 
 /// Levels of maps and lists in each other.
 const DEEPEST: usize = 16;
+/// Longest text that is shown in an error.
+const SHOWN_BYTES: usize = 40;
 /// Values of all kinds in one message; an observation has some dozens. Without a limit each byte of a
 /// message could become a value of 40 bytes.
 const MOST_VALUES: usize = 10_000;
@@ -109,7 +111,9 @@ impl<'a> Message<'a> {
         match self {
             Self::Nil => "nothing".to_owned(),
             Self::Bool(_) => "a truth value".to_owned(),
-            Self::Integer(_) | Self::Float(_) => "a number".to_owned(),
+            Self::Integer(number) => format!("the number {number}"),
+            Self::Float(number) => format!("the number {number:?}"),
+            Self::Text(text) if text.len() <= SHOWN_BYTES => format!("the text '{text}'"),
             Self::Text(_) => "a text".to_owned(),
             Self::Bytes(_) => "bytes without a shape".to_owned(),
             Self::List(_) => "a list".to_owned(),
@@ -328,7 +332,7 @@ mod tests {
                 "more than 10000 values",
             ),
             (vec![0xc0, 0xc0], "more follows after its end"),
-            (vec![0x81, 0x01, 0x02], "a key of a map is a number"),
+            (vec![0x81, 0x01, 0x02], "a key of a map is the number 1"),
             (
                 vec![0x82, 0xa1, b'a', 1, 0xa1, b'a', 2],
                 "'a' is there twice",

@@ -15,7 +15,7 @@ pub(super) fn observation(
         ));
     }
     let mut entries = Vec::new();
-    collect("", message, &mut entries);
+    collect(&[], message, &mut entries);
     let images = cameras.iter().map(|camera| {
         let entry = find(&entries, &camera.name)?;
         let image = image(entry, camera)?;
@@ -26,26 +26,53 @@ pub(super) fn observation(
     ))
 }
 
-/// A value with the names that lead to it.
+/// A value with the names that lead to it, which are borrowed: a message may hold a long name around thousands of
+/// values.
 struct Entry<'a, 'm> {
-    path: String,
+    names: Vec<&'m str>,
     value: &'a Message<'m>,
 }
 
-fn collect<'a, 'm>(path: &str, message: &'a Message<'m>, entries: &mut Vec<Entry<'a, 'm>>) {
+fn collect<'a, 'm>(names: &[&'m str], message: &'a Message<'m>, entries: &mut Vec<Entry<'a, 'm>>) {
     let Message::Map(values) = message else {
         return;
     };
     for (name, value) in values {
-        let path = if path.is_empty() {
-            (*name).to_owned()
-        } else {
-            format!("{path}/{name}")
-        };
-        collect(&path, value, entries);
+        let names = [names, &[*name]].concat();
+        collect(&names, value, entries);
         if !matches!(value, Message::Map(_)) {
-            entries.push(Entry { path, value });
+            entries.push(Entry { names, value });
         }
+    }
+}
+
+impl Entry<'_, '_> {
+    /// Whether the names, joined by `/`, are this path.
+    fn is_at(&self, path: &str) -> bool {
+        let mut rest = Some(path);
+        for (place, name) in self.names.iter().enumerate() {
+            let inner = rest.and_then(|rest| match place {
+                0 => Some(rest),
+                _ => rest.strip_prefix('/'),
+            });
+            rest = inner.and_then(|inner| inner.strip_prefix(name));
+        }
+        rest == Some("")
+    }
+
+    /// Whether the last of all names, also of those within a name, is a camera's.
+    fn ends_in(&self, camera: &str) -> bool {
+        let last = self.names.last();
+        last.and_then(|name| name.rsplit(['/', '.']).next()) == Some(camera)
+    }
+
+    /// The beginning of the path, to be shown.
+    fn shown(&self) -> String {
+        const CHARACTERS: usize = 64;
+        let parts = self.names.iter().enumerate();
+        let separated = parts.flat_map(|(place, name)| [if place == 0 { "" } else { "/" }, name]);
+        let characters = separated.flat_map(str::chars);
+        format!("'{}'", characters.take(CHARACTERS).collect::<String>())
     }
 }
 
@@ -54,11 +81,10 @@ fn find<'e, 'a, 'm>(
     entries: &'e [Entry<'a, 'm>],
     camera: &str,
 ) -> Result<&'e Entry<'a, 'm>, String> {
-    if let Some(entry) = entries.iter().find(|e| e.path == camera) {
+    if let Some(entry) = entries.iter().find(|e| e.is_at(camera)) {
         return Ok(entry);
     }
-    let ends_so = |e: &&Entry<'_, '_>| e.path.rsplit(['/', '.']).next() == Some(camera);
-    let found: Vec<_> = entries.iter().filter(ends_so).collect();
+    let found: Vec<_> = entries.iter().filter(|e| e.ends_in(camera)).collect();
     match found[..] {
         [entry] => Ok(entry),
         [] => Err(format!(
@@ -66,8 +92,9 @@ fn find<'e, 'a, 'm>(
             listed(entries)
         )),
         [first, second, ..] => Err(format!(
-            "both '{}' and '{}' may be camera '{camera}': send it as '{camera}'",
-            first.path, second.path
+            "both {} and {} may be camera '{camera}': send it as '{camera}'",
+            first.shown(),
+            second.shown()
         )),
     }
 }
@@ -77,11 +104,7 @@ fn listed(entries: &[Entry<'_, '_>]) -> String {
     if entries.is_empty() {
         return "nothing".to_owned();
     }
-    let name = |e: &Entry<'_, '_>| {
-        let short: String = e.path.chars().take(64).collect();
-        format!("'{short}'")
-    };
-    let mut list: Vec<String> = entries.iter().take(SHOWN).map(name).collect();
+    let mut list: Vec<String> = entries.iter().take(SHOWN).map(Entry::shown).collect();
     if entries.len() > SHOWN {
         list.push(format!("{} more", entries.len() - SHOWN));
     }
@@ -99,6 +122,17 @@ fn image(entry: &Entry<'_, '_>, camera: &CameraSpec) -> Result<Image, String> {
         return Err(wanted(entry.value.kind()));
     };
     let size = |length: usize| u32::try_from(length).ok().filter(|l| *l > 0);
+    if shape
+        .iter()
+        .any(|side| *side > Image::LONGEST_SIDE as usize)
+    {
+        return Err(format!(
+            "camera '{}' is {}: no side may be longer than {} pixels",
+            camera.name,
+            entry.value.kind(),
+            Image::LONGEST_SIDE
+        ));
+    }
     let (height, width) = match shape[..] {
         [height, width, 3] if *dtype == "|u1" => size(height).zip(size(width)),
         _ => None,
@@ -145,6 +179,28 @@ mod tests {
             let seen = observation(&message, &head()).expect("a head");
             assert_eq!(seen.image("head").expect("a head").rgb(), data);
         }
+    }
+
+    #[test]
+    fn long_names_around_many_values_take_no_memory_of_their_own() {
+        let long = "A".repeat(200_000);
+        let numbers: Vec<String> = (0..9_000).map(|i| i.to_string()).collect();
+        let inner = numbers.iter().map(|n| (n.as_str(), Message::Nil));
+        let data = [1, 2, 3, 4, 5, 6];
+        let around = map(vec![
+            (long.as_str(), map(inner.collect())),
+            ("head", pixels(&data)),
+        ]);
+        // As text, the paths would be 1.8 GB.
+        let Message::Map(parts) = &around else {
+            unreachable!("a map")
+        };
+        let mut entries = Vec::new();
+        collect(&[], &around, &mut entries);
+        assert_eq!((parts.len(), entries.len()), (2, 9_001));
+        assert!(entries.iter().all(|e| e.shown().len() <= 66));
+        let seen = observation(&around, &head()).expect("a head");
+        assert_eq!(seen.image("head").expect("a head").rgb(), data);
     }
 
     #[test]
@@ -195,10 +251,14 @@ mod tests {
                 "is an array |u1 [3, 1, 2]: send uint8",
             ),
             (of("|u1", vec![6]), "is an array |u1 [6]"),
+            (
+                of("|u1", vec![1, 10_000_000, 3]),
+                "[1, 10000000, 3]: no side may be longer than 16384 pixels",
+            ),
             (of("|u1", vec![0, 2, 3]), "[0, 2, 3]"),
             (
                 map(vec![("head", Message::Text("x"))]),
-                "is a text: send uint8",
+                "is the text 'x': send uint8",
             ),
         ] {
             let error = observation(&message, &head()).expect_err(expected);

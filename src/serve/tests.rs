@@ -244,7 +244,9 @@ impl Counter {
 
 impl Simulated for Counter {
     fn outcomes(&self) -> Vec<(String, String)> {
-        vec![("count/ten".to_owned(), "missed".to_owned())]
+        let outcomes = [("ten", "reached"), ("six", "missed"), ("ten", "missed")];
+        let owned = |(name, outcome): (&str, &str)| (format!("count/{name}"), outcome.to_owned());
+        outcomes.map(owned).to_vec()
     }
 
     fn has_succeeded(&self) -> bool {
@@ -285,6 +287,16 @@ fn a_simulated_robot_is_reset_and_acts() {
     let answer = Message::read(&bytes).expect("an answer");
     assert_eq!(answer.get("step"), Some(&Message::Integer(2)));
     assert_eq!(answer.get("success"), Some(&Message::Bool(true)));
+    let outcome = |name| answer.get("subgoals").and_then(|s| s.get(name));
+    assert_eq!(outcome("count/ten"), Some(&Message::Text("reached")));
+    assert_eq!(outcome("count/ten#2"), Some(&Message::Text("missed")));
+    let metadata = service.metadata();
+    let metadata = Message::read(&metadata).expect("metadata");
+    let names = ["count/ten", "count/six", "count/ten#2"].map(Message::Text);
+    assert_eq!(
+        metadata.get("subgoals"),
+        Some(&Message::List(names.to_vec()))
+    );
     let seen = answer.get("observation").and_then(|o| o.get("eye"));
     let array = NdArray {
         dtype: "|u1",
@@ -311,7 +323,10 @@ fn actions_that_do_not_fit_are_refused_with_what_does() {
             }),
             "send 2 finite numbers",
         ),
-        (pack(&Act { action: "forward" }), "is a text: send 2"),
+        (
+            pack(&Act { action: "forward" }),
+            "is the text 'forward': send 2",
+        ),
         (pack(&Act { action: true }), "is a truth value: send 2"),
         (
             pack(&Reset {

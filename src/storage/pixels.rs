@@ -36,8 +36,6 @@ pub(super) fn encode_png(image: &Image) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-/// Longest side of a picture; cameras give less.
-pub(super) const MAX_SIDE_PIXELS: u32 = 16_384;
 /// Bytes of a decoded picture.
 pub(super) const MAX_IMAGE_BYTES: u64 = 256 << 20;
 
@@ -48,8 +46,8 @@ pub(super) fn decode_compressed(bytes: &[u8], format: &str) -> Result<Image, Str
         .map_err(|e| e.to_string())?;
     // A few damaged bytes can claim a picture that fits into no memory.
     let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE_PIXELS);
-    limits.max_image_height = Some(MAX_SIDE_PIXELS);
+    limits.max_image_width = Some(Image::LONGEST_SIDE);
+    limits.max_image_height = Some(Image::LONGEST_SIDE);
     limits.max_alloc = Some(MAX_IMAGE_BYTES);
     reader.limits(limits);
     let decoded = reader
@@ -109,6 +107,12 @@ impl RawPixels<'_> {
                 "{height}x{width} {} in rows of {row} bytes does not fit into {} bytes",
                 self.encoding,
                 self.data.len()
+            ));
+        }
+        if self.height.max(self.width) > Image::LONGEST_SIDE {
+            return Err(format!(
+                "{height}x{width} is longer than {} pixels",
+                Image::LONGEST_SIDE
             ));
         }
         let mut rgb = Vec::with_capacity(height * width * 3);

@@ -414,7 +414,7 @@ pub(super) fn check_shares(shares: &[(&'static str, f64)]) -> Result<(), Trainin
 
 pub(super) fn demand(
     holds: bool,
-    field: &'static str,
+    field: &str,
     value: impl std::fmt::Display,
     demand: &'static str,
 ) -> Result<(), TrainingError> {
@@ -422,7 +422,7 @@ pub(super) fn demand(
         return Ok(());
     }
     Err(TrainingError::Config {
-        field,
+        field: field.to_owned(),
         value: value.to_string(),
         demand,
     })

@@ -149,7 +149,7 @@ pub enum TrainingError {
     #[error("training configuration: {field} is {value}, but {demand}")]
     Config {
         /// The field, with its section.
-        field: &'static str,
+        field: String,
         /// Its value, printed.
         value: String,
         /// What it has to be.

@@ -86,6 +86,9 @@ impl LandmarkConfig {
             self.drop_m,
             "it must be 0 or more: metres from the gripper down to where a thing comes to lie",
         )?;
+        if let Some((key, value, way_out)) = self.robot.fault() {
+            demand(false, &format!("landmarks.robot.{key}"), value, way_out)?;
+        }
         demand(
             !encoder.stage_channels.is_empty(),
             "network.encoder.stage_channels",

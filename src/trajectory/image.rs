@@ -18,6 +18,10 @@ pub struct Image {
 }
 
 impl Image {
+    /// Longest side of a picture, in pixels, that is read from a file or a client; cameras give less. A longer one
+    /// could take more memory to resize than there is.
+    pub const LONGEST_SIDE: u32 = 16_384;
+
     /// Wraps pixels that are in HWC order.
     ///
     /// # Errors

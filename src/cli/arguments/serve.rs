@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::Args;
 
@@ -49,10 +50,10 @@ pub struct LimitArguments {
     #[arg(long, default_value_t = 64, value_parser = connections)]
     pub max_connections: usize,
     /// Mebibytes of a message.
-    #[arg(long, default_value_t = 32)]
+    #[arg(long, default_value_t = 32, value_parser = at_least_one::<usize>)]
     pub max_message_mib: usize,
     /// A connection that sends nothing for so many seconds is closed.
-    #[arg(long, default_value_t = 600)]
+    #[arg(long, default_value_t = 600, value_parser = at_least_one::<u64>)]
     pub idle_secs: u64,
 }
 
@@ -66,6 +67,12 @@ fn connections(text: &str) -> Result<usize, String> {
     connections.ok_or_else(|| format!("give a whole number within 1..={MAX_CONNECTIONS}"))
 }
 
+/// A whole number that is not 0.
+fn at_least_one<N: FromStr + PartialOrd + From<u8>>(text: &str) -> Result<N, String> {
+    let number = text.parse().ok().filter(|n: &N| *n >= N::from(1));
+    number.ok_or_else(|| "give a whole number from 1".to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -77,6 +84,15 @@ mod tests {
         for wrong in ["0", "65537", "18446744073709551615", "-1", "many"] {
             let said = connections(wrong).unwrap_err();
             assert!(said.contains("1..=65536"), "{said}");
+        }
+    }
+
+    #[test]
+    fn limits_with_which_no_client_is_served_are_refused() {
+        assert_eq!(at_least_one::<u64>("1"), Ok(1));
+        for wrong in ["0", "-1", "some"] {
+            let said = at_least_one::<usize>(wrong).unwrap_err();
+            assert!(said.contains("from 1"), "{said}");
         }
     }
 }

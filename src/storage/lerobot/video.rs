@@ -11,7 +11,7 @@ use std::time::Duration;
 use super::StorageError;
 use super::episodes::VideoPart;
 use super::frames::missing;
-use crate::storage::pixels::{MAX_IMAGE_BYTES, MAX_SIDE_PIXELS};
+use crate::storage::pixels::MAX_IMAGE_BYTES;
 use crate::trajectory::Image;
 
 /// A video of which nothing comes for so long is given up.
@@ -232,7 +232,7 @@ fn next_picture(input: &mut impl BufRead) -> Result<Option<Image>, String> {
     let side = |text: &str| {
         text.parse::<u32>()
             .ok()
-            .filter(|n| (1..=MAX_SIDE_PIXELS).contains(n))
+            .filter(|n| (1..=Image::LONGEST_SIDE).contains(n))
     };
     let (width, height) = side(width).zip(side(height)).ok_or_else(wrong)?;
     let bytes = u64::from(width) * u64::from(height) * 3;

@@ -208,3 +208,18 @@ fn a_base_that_was_stopped_is_not_driven_again_before_what_the_arm_reaches() {
     approach.note(class("base_backward"));
     assert!(!approach.is_stopped);
 }
+
+#[test]
+fn a_new_episode_knows_nothing_of_the_last_one() {
+    let fresh = approach(Landmark::example(true, [1.0, 0.0, 0.0]));
+    let mut used = fresh.clone();
+    used.look(&latent(&used, &Point3::new(0.5, 0.0, 0.3)));
+    (used.closing, used.is_lifting) = (Some(0), true);
+    used.note(class("gripper_close"));
+    used.note(class("base_forward"));
+    used.note_stopped(class("base_forward"));
+    (used.is_lifting, used.empty_looks, used.closed_steps) = (true, 1, 5);
+    assert_ne!(format!("{used:?}"), format!("{fresh:?}"));
+    used.reset();
+    assert_eq!(format!("{used:?}"), format!("{fresh:?}"));
+}
