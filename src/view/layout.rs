@@ -2,9 +2,19 @@
 //! and along a row the progress through the task, so that the same subgoal of all demonstrations
 //! stands in one column.
 
+mod columns;
+
 use std::collections::BTreeMap;
 
-use crate::graph::{NodeId, TopologicalGraph};
+pub(super) use self::columns::Column;
+use self::columns::{anchors, columns, interpolate, median_length};
+use crate::graph::{EdgeKind, NodeId, TopologicalGraph};
+
+/// The width at which the name of a task and its steps can be read.
+const LEAST_BLOCK_WIDTH: f32 = 250.0;
+/// Most by which the control points of a curve over blocks stand above its ends. The curve rises three
+/// quarters of that, for which the head of a picture has room.
+const MOST_LIFT: f32 = 130.0;
 
 /// The blocks, and the place of every node.
 #[derive(Debug)]
@@ -26,8 +36,10 @@ pub(super) struct Block {
     pub(super) width: f32,
     pub(super) rows: Vec<Row>,
     pub(super) columns: Vec<Column>,
-    /// Median number of steps of the demonstrations.
+    /// Steps from the start to the end of the block: the sum of what its stretches take in the median.
     pub(super) steps: f32,
+    /// Median number of steps of the demonstrations.
+    pub(super) median_steps: f32,
 }
 
 /// One demonstration: its nodes in order of time.
@@ -35,15 +47,6 @@ pub(super) struct Block {
 pub(super) struct Row {
     pub(super) y: f32,
     pub(super) nodes: Vec<NodeId>,
-}
-
-/// Where all demonstrations of a task reach a subgoal.
-#[derive(Debug)]
-pub(super) struct Column {
-    pub(super) subgoal: String,
-    /// Steps from the start of the task, in the median.
-    pub(super) steps: f32,
-    pub(super) x: f32,
 }
 
 /// Into what the blocks are to fit.
@@ -56,6 +59,19 @@ pub(super) struct Frame {
     pub(super) row_height: f32,
 }
 
+/// The width of a frame in which each task of a graph can be read.
+pub(super) fn least_width(graph: &TopologicalGraph, gap: f32) -> f32 {
+    let tasks = graph.tasks().len();
+    tasks as f32 * LEAST_BLOCK_WIDTH + tasks.saturating_sub(1) as f32 * gap
+}
+
+/// Whether two nodes are joined by an edge from one task to another, or to the start of the same one.
+pub(super) fn is_cross_task(graph: &TopologicalGraph, from: NodeId, to: NodeId) -> bool {
+    graph
+        .edge(from, to)
+        .is_some_and(|edge| edge.kind == EdgeKind::CrossTask)
+}
+
 impl GraphLayout {
     /// Lays a graph out. Tasks stand in the order in which the route passes them, then in that of the
     /// graph; demonstrations that the route uses stand next to each other in the middle.
@@ -63,7 +79,9 @@ impl GraphLayout {
         let mut blocks = blocks(graph, route);
         let steps: f32 = blocks.iter().map(|b| b.steps.max(1.0)).sum();
         let gaps = frame.gap * blocks.len().saturating_sub(1) as f32;
-        let a_step = (frame.width - gaps) / steps.max(1.0);
+        // However narrow the frame is, time runs to the right.
+        let room = (frame.width - gaps).max(blocks.len() as f32);
+        let a_step = room / steps.max(1.0);
         let tallest = blocks.iter().map(|b| b.rows.len()).max().unwrap_or(0);
         let mut positions = vec![[0.0; 2]; graph.node_count()];
         let mut block_of = vec![0; graph.node_count()];
@@ -99,13 +117,20 @@ impl GraphLayout {
         self.positions[node.index()]
     }
 
-    /// Whether an edge leads to a block further to the left.
+    /// Whether a cross-task edge leads to a block further to the left, or back to the start of the same one,
+    /// whose task is then done again.
     pub(super) fn leads_back(&self, from: NodeId, to: NodeId) -> bool {
-        self.block_of[to.index()] < self.block_of[from.index()]
+        let place = |node: NodeId| (self.block_of[node.index()], self.at(node)[0]);
+        place(to) < place(from)
     }
 
-    /// The four control points of a cubic curve from one block to another: level with the rows where
-    /// it leaves and arrives, over the blocks between, and below everything when it leads back.
+    /// Whether a step of a route follows a [`curve`](Self::curve): it changes the task, or begins it again.
+    pub(super) fn is_curved(&self, graph: &TopologicalGraph, from: NodeId, to: NodeId) -> bool {
+        self.block_of[from.index()] != self.block_of[to.index()] || is_cross_task(graph, from, to)
+    }
+
+    /// The four control points of a cubic curve between tasks: level with the rows where it leaves and
+    /// arrives, over the blocks between, and below everything when it leads back.
     pub(super) fn curve(&self, from: NodeId, to: NodeId) -> [[f32; 2]; 4] {
         let ([x0, y0], [x1, y1]) = (self.at(from), self.at(to));
         let reach = (x1 - x0).abs();
@@ -117,7 +142,11 @@ impl GraphLayout {
             return [[x0, y0], [x0 - pull, depth], [x1 + pull, depth], [x1, y1]];
         }
         let blocks = self.block_of[to.index()] - self.block_of[from.index()];
-        let lift = if blocks > 1 { 0.1 * reach } else { 0.0 };
+        let lift = if blocks > 1 {
+            (0.1 * reach).min(MOST_LIFT)
+        } else {
+            0.0
+        };
         let pull = 0.5 * reach;
         [
             [x0, y0],
@@ -171,6 +200,7 @@ fn blocks(graph: &TopologicalGraph, route: &[NodeId]) -> Vec<Block> {
             let above = (rows.len() - used) / 2;
             rows[..used + above].rotate_right(above);
             let (columns, steps) = columns(graph, &task, &rows);
+            let median_steps = median_length(graph, &rows);
             Block {
                 task,
                 x: 0.0,
@@ -178,105 +208,8 @@ fn blocks(graph: &TopologicalGraph, route: &[NodeId]) -> Vec<Block> {
                 rows,
                 columns,
                 steps,
+                median_steps,
             }
         })
         .collect()
-}
-
-/// The subgoals of a task in the order in which they are reached, each after the median number of
-/// steps since the one before, and the steps of the whole task.
-fn columns(graph: &TopologicalGraph, task: &str, rows: &[Row]) -> (Vec<Column>, f32) {
-    let mut order: BTreeMap<&str, (u32, u32)> = BTreeMap::new();
-    for id in rows.iter().flat_map(|row| &row.nodes) {
-        let node = graph.node(*id);
-        for subgoal in node.reached.iter().filter(|s| s.task == task) {
-            let (sum, count) = order.entry(&subgoal.name).or_default();
-            *sum += node.step;
-            *count += 1;
-        }
-    }
-    let mut names: Vec<&str> = order.keys().copied().collect();
-    names.sort_by_key(|name| order[name].0 * 1000 / order[name].1.max(1));
-    let mut steps = 0.0;
-    let mut columns: Vec<Column> = Vec::new();
-    for name in names {
-        let before = columns.last().map(|c: &Column| c.subgoal.clone());
-        let since = rows.iter().filter_map(|row| {
-            let start = match &before {
-                Some(before) => reached_at(graph, row, before)?,
-                None => first_step(graph, row),
-            };
-            Some(reached_at(graph, row, name)? - start)
-        });
-        steps += median(since).max(0.0);
-        columns.push(Column {
-            subgoal: name.to_owned(),
-            steps,
-            x: 0.0,
-        });
-    }
-    let last = columns.last().map(|c| c.subgoal.clone());
-    let rest = rows.iter().filter_map(|row| {
-        let start = match &last {
-            Some(last) => reached_at(graph, row, last)?,
-            None => first_step(graph, row),
-        };
-        Some(last_step(graph, row) - start)
-    });
-    (columns, steps + median(rest).max(0.0))
-}
-
-/// Pairs of a demonstration's step and the task's steps that stand for the same progress.
-fn anchors(graph: &TopologicalGraph, row: &Row, columns: &[Column], steps: f32) -> Vec<[f32; 2]> {
-    let mut anchors = vec![[first_step(graph, row), 0.0]];
-    for column in columns {
-        if let Some(step) = reached_at(graph, row, &column.subgoal)
-            && anchors
-                .last()
-                .is_some_and(|last| step > last[0] && column.steps >= last[1])
-        {
-            anchors.push([step, column.steps]);
-        }
-    }
-    if last_step(graph, row) > anchors[anchors.len() - 1][0] {
-        anchors.push([last_step(graph, row), steps]);
-    }
-    anchors
-}
-
-fn interpolate(anchors: &[[f32; 2]], step: f32) -> f32 {
-    let after = anchors
-        .partition_point(|a| a[0] < step)
-        .clamp(1, anchors.len().max(2) - 1);
-    match (anchors.get(after - 1), anchors.get(after)) {
-        (Some([s0, x0]), Some([s1, x1])) => x0 + (x1 - x0) * (step - s0) / (s1 - s0),
-        (Some([_, x]), None) => *x,
-        _ => 0.0,
-    }
-}
-
-fn first_step(graph: &TopologicalGraph, row: &Row) -> f32 {
-    row.nodes
-        .first()
-        .map_or(0.0, |id| graph.node(*id).step as f32)
-}
-
-fn last_step(graph: &TopologicalGraph, row: &Row) -> f32 {
-    row.nodes
-        .last()
-        .map_or(0.0, |id| graph.node(*id).step as f32)
-}
-
-fn reached_at(graph: &TopologicalGraph, row: &Row, subgoal: &str) -> Option<f32> {
-    row.nodes
-        .iter()
-        .map(|id| graph.node(*id))
-        .find(|node| node.reached.iter().any(|s| s.name == subgoal))
-        .map(|node| node.step as f32)
-}
-
-fn median(values: impl Iterator<Item = f32>) -> f32 {
-    let mut values: Vec<f32> = values.collect();
-    values.sort_by(f32::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

@@ -152,7 +152,7 @@ impl<'a> RolloutRecording<'a> {
             self.log_images("goal", goal)?;
             self.goal = Some(goal.clone());
         }
-        for (entity, archetype) in self.map.step(view) {
+        for (entity, archetype) in self.map.step(scene.graph, view) {
             self.log(entity, archetype.as_ref())?;
         }
         self.log_text("plan", panels::plan(&scene, view))?;

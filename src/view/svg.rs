@@ -1,5 +1,6 @@
 //! A merged graph as one picture: a block a task, a line a demonstration, and what joins the tasks.
 
+mod arrows;
 mod automaton;
 mod canvas;
 mod curves;
@@ -9,6 +10,7 @@ mod legend;
 mod orders;
 mod rates;
 mod route;
+mod subgoals;
 
 use std::path::Path;
 
@@ -17,13 +19,12 @@ use canvas::Canvas;
 pub use curves::{Panel, curves_svg, write_curves_svg};
 pub use rates::{Rate, rates_svg, write_rates_svg};
 
-use super::layout::{Frame, GraphLayout};
+use super::layout::{Frame, GraphLayout, least_width};
 use super::{ViewError, file};
 use crate::graph::{NodeId, TopologicalGraph};
 
 const MARGIN: f32 = 44.0;
 const LEAST_WIDTH: f32 = 1400.0;
-const LEAST_BLOCK_WIDTH: f32 = 250.0;
 const GAP: f32 = 150.0;
 const MOST_ROW_HEIGHT: f32 = 16.0;
 /// Rows are squeezed so that the blocks stay about this high, as long as they can be told apart.
@@ -40,20 +41,17 @@ const LEGEND_HEIGHT: f32 = 92.0;
 ///
 /// Time runs to the right. Each task is a block, each demonstration a line of dots; a dot's place along
 /// its line is its progress through the task, so the same subgoal of all demonstrations stands in one
-/// column. Arcs join the tasks, the more probable the stronger; edges that lead back to an earlier task
-/// pass below. The route is drawn in bold, with a number where it reaches a subgoal and a star at its
-/// last node, the chosen final state. Where there are too many edges to see, the legend says how many
-/// are drawn of how many.
+/// column. Arcs join the tasks, the more probable the stronger; edges that lead back to an earlier task,
+/// or to the start of the same one, pass below. The route is drawn in bold, with a number where it reaches
+/// a subgoal (in every round that a task is done) and a star at its last node, the chosen final state.
+/// Where there are too many edges to see, the legend says how many are drawn of how many.
 ///
 /// # Panics
 /// If the route names a node that is not in the graph.
 #[must_use]
 pub fn merged_graph_svg(graph: &TopologicalGraph, route: Option<&[NodeId]>, title: &str) -> String {
     let route = route.unwrap_or_default();
-    let tasks = count_tasks(graph);
-    let width = LEAST_WIDTH.max(
-        2.0 * MARGIN + tasks as f32 * LEAST_BLOCK_WIDTH + tasks.saturating_sub(1) as f32 * GAP,
-    );
+    let width = LEAST_WIDTH.max(2.0 * MARGIN + least_width(graph, GAP));
     let frame = |top, row_height| Frame {
         left: MARGIN,
         top,
@@ -71,15 +69,16 @@ pub fn merged_graph_svg(graph: &TopologicalGraph, route: Option<&[NodeId]>, titl
         .unwrap_or(0)
         .max(1) as f32;
     let row_height = (BLOCK_HEIGHT / rows).clamp(LEAST_ROW_HEIGHT, MOST_ROW_HEIGHT);
-    let top = HEAD_HEIGHT + labels::levels(&draft) as f32 * LABEL_HEIGHT;
+    let names = subgoals::place(&draft, width);
+    let top = HEAD_HEIGHT + subgoals::levels(&names) as f32 * LABEL_HEIGHT;
     let layout = GraphLayout::new(graph, route, frame(top, row_height));
     let bottom = top + rows * row_height;
 
     let mut canvas = Canvas::new(width, bottom + FOOT_HEIGHT + LEGEND_HEIGHT);
-    labels::columns(&mut canvas, &layout, top, bottom);
+    subgoals::columns(&mut canvas, &layout, &names, top, bottom);
     let drawn = edges::paint(&mut canvas, graph, &layout, row_height);
     route::paint(&mut canvas, graph, &layout, route);
-    labels::subgoals(&mut canvas, &layout, top);
+    subgoals::names(&mut canvas, &names, top);
     labels::blocks(&mut canvas, graph, &layout);
     labels::title(&mut canvas, graph, title);
     legend::paint(
@@ -106,12 +105,4 @@ pub fn write_merged_graph_svg(
     title: &str,
 ) -> Result<(), ViewError> {
     file::write(path, merged_graph_svg(graph, route, title).as_bytes())
-}
-
-fn count_tasks(graph: &TopologicalGraph) -> usize {
-    graph
-        .nodes()
-        .map(|(_, node)| node.task.as_str())
-        .collect::<std::collections::BTreeSet<_>>()
-        .len()
 }

@@ -2,7 +2,7 @@ use std::path::Path;
 
 use super::layout::{Frame, GraphLayout};
 use super::*;
-use crate::graph::{Edge, EdgeKind, Node, NodeId, TopologicalGraph};
+use crate::graph::{Edge, EdgeKind, Node, NodeId, TopologicalGraph, mark_subgoal};
 use crate::model::ActionDistribution;
 use crate::task::{Automaton, Subgoal, Task};
 use crate::trajectory::{ActionSpace, Image, Observation};
@@ -128,6 +128,122 @@ fn tasks_follow_the_route_and_its_demonstrations_stand_in_the_middle() {
 
     let without_route = GraphLayout::new(&graph, &[], FRAME);
     assert_eq!(without_route.blocks[0].task, "b");
+}
+
+/// A task that is done twice in a row, the same way.
+fn twice() -> (TopologicalGraph, Vec<NodeId>) {
+    let mut graph = TopologicalGraph::new(1, 3);
+    let a = demonstrate(&mut graph, "a", "a_0", 20, 10);
+    graph.add_edge(a[19], a[0], edge(EdgeKind::CrossTask, 0.9));
+    let route = [a.clone(), a].concat();
+    (graph, route)
+}
+
+#[test]
+fn a_task_that_is_done_again_is_entered_below_the_rows() {
+    let (graph, route) = twice();
+    let layout = GraphLayout::new(&graph, &route, FRAME);
+    let (end, start) = (route[19], route[20]);
+    assert!(layout.leads_back(end, start) && layout.is_curved(&graph, end, start));
+    let [from, first, second, to] = layout.curve(end, start);
+    assert!(to[0] < second[0] && second[0] < first[0] && first[0] < from[0]);
+    assert!(first[1] > layout.bottom && second[1] > layout.bottom);
+
+    let svg = merged_graph_svg(&graph, Some(&route), "a, a");
+    let bold = svg
+        .lines()
+        .find(|l| l.contains("stroke-width=\"6.5\" stroke-linecap"));
+    let curves = bold.expect("the route").matches('C').count();
+    assert_eq!(curves, 1, "the seam is no straight line");
+}
+
+#[test]
+fn subgoals_of_later_rounds_are_numbered_too() {
+    let (graph, route) = twice();
+    let svg = merged_graph_svg(&graph, Some(&route), "a, a");
+    for numbers in ["1, 3", "2, 4"] {
+        assert!(
+            svg.contains(&format!(">{numbers}</text>")),
+            "no stages {numbers}"
+        );
+    }
+
+    let (graph, route) = two_tasks();
+    // The seam that leads from `b` back to `a`.
+    let rounds = [route.as_slice(), &route[..20]].concat();
+    let svg = merged_graph_svg(&graph, Some(&rounds), "a, b, a");
+    for numbers in ["1, 5", "2, 6", "3", "4"] {
+        assert!(
+            svg.contains(&format!(">{numbers}</text>")),
+            "no stages {numbers}"
+        );
+    }
+}
+
+/// Two quick demonstrations, and a slow one that alone passes a region on its way to the first subgoal.
+fn one_passes() -> TopologicalGraph {
+    let mut graph = TopologicalGraph::new(1, 3);
+    demonstrate(&mut graph, "a", "a_0", 20, 10);
+    demonstrate(&mut graph, "a", "a_1", 20, 10);
+    let slow = demonstrate(&mut graph, "a", "a_2", 60, 40);
+    mark_subgoal(&mut graph, &subgoal("a", "passed"), 0, &[slow[30]]);
+    graph
+}
+
+#[test]
+fn what_one_slow_demonstration_passes_moves_no_other_column() {
+    let layout = GraphLayout::new(&one_passes(), &[], FRAME);
+    let block = &layout.blocks[0];
+    let columns = block.columns.iter().map(|c| (c.subgoal.as_str(), c.steps));
+    assert_eq!(
+        columns.collect::<Vec<_>>(),
+        [("passed", 7.5), ("half", 10.0), ("done", 19.0)]
+    );
+    assert_eq!(block.steps, 19.0);
+}
+
+#[test]
+fn steps_of_a_task_are_those_of_its_median_demonstration() {
+    let (graph, route) = two_tasks();
+    let layout = GraphLayout::new(&graph, &route, FRAME);
+    // Half of it takes 7, 10 or 16 steps, the rest 22, 9 or 7.
+    assert_eq!(layout.blocks[0].steps, 19.0);
+    assert_eq!(layout.blocks[0].median_steps, 23.0);
+    let svg = merged_graph_svg(&graph, Some(&route), "a, b");
+    assert!(svg.contains("3 demonstrations, median 23 steps"));
+}
+
+/// Fourteen tasks, the nodes of each.
+fn many_tasks() -> (TopologicalGraph, Vec<Vec<NodeId>>) {
+    let mut graph = TopologicalGraph::new(1, 3);
+    let tasks = (0..14)
+        .map(|i| {
+            let task = format!("task_{i:02}");
+            demonstrate(&mut graph, &task, &task, 6, 3)
+        })
+        .collect();
+    (graph, tasks)
+}
+
+#[test]
+fn time_runs_to_the_right_however_narrow_the_frame_is() {
+    let (graph, tasks) = many_tasks();
+    let layout = GraphLayout::new(&graph, &[], FRAME);
+    let places = tasks.iter().flatten().map(|id| layout.at(*id)[0]);
+    assert!(places.is_sorted_by(|a, b| a < b));
+}
+
+#[test]
+fn arcs_over_many_blocks_rise_no_higher_than_the_head_of_the_picture() {
+    let (graph, tasks) = many_tasks();
+    let wide = Frame {
+        width: 6000.0,
+        ..FRAME
+    };
+    let layout = GraphLayout::new(&graph, &[], wide);
+    let [from, first, ..] = layout.curve(tasks[0][5], tasks[13][0]);
+    let lift = from[1] - first[1];
+    assert!((lift - 130.0).abs() < 0.01, "{lift}");
 }
 
 #[test]

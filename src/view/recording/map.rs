@@ -2,7 +2,7 @@ use ::rerun::{AsComponents, Color, LineStrips2D, Points2D, Radius};
 
 use super::{RolloutScene, StepView};
 use crate::graph::{EdgeKind, NodeId, TopologicalGraph};
-use crate::view::layout::{Frame, GraphLayout};
+use crate::view::layout::{Frame, GraphLayout, least_width};
 use crate::view::palette::{self, CROSS_TASK, CROSS_TASK_PALE, Rgb, STAR};
 use crate::view::selection::{Ends, most_probable_of_each_pair, of_kind, spread};
 
@@ -10,7 +10,7 @@ use crate::view::selection::{Ends, most_probable_of_each_pair, of_kind, spread};
 const MOST_LEARNED: usize = 3000;
 const MOST_CROSS_TASK: usize = 600;
 const CURVE_POINTS: usize = 20;
-const WIDTH: f32 = 1600.0;
+const LEAST_WIDTH: f32 = 1600.0;
 const HEIGHT: f32 = 640.0;
 const GAP: f32 = 180.0;
 /// Above the rows: the names of the tasks, and below those the names of the subgoals.
@@ -31,20 +31,11 @@ pub(super) struct Map {
 
 impl Map {
     pub(super) fn new(scene: &RolloutScene<'_>) -> Self {
-        let frame = |row_height| Frame {
-            left: 0.0,
-            top: 0.0,
-            width: WIDTH,
-            gap: GAP,
-            row_height,
-        };
-        let draft = GraphLayout::new(scene.graph, scene.route, frame(1.0));
+        let layout =
+            |row_height| GraphLayout::new(scene.graph, scene.route, frame(scene.graph, row_height));
+        let draft = layout(1.0);
         Self {
-            layout: GraphLayout::new(
-                scene.graph,
-                scene.route,
-                frame(HEIGHT / draft.bottom.max(1.0)),
-            ),
+            layout: layout(HEIGHT / draft.bottom.max(1.0)),
             trail: Vec::new(),
             path: None,
         }
@@ -83,10 +74,17 @@ impl Map {
     }
 
     /// What changed with this step.
-    pub(super) fn step(&mut self, view: &StepView<'_>) -> Vec<(&'static str, Logged)> {
+    pub(super) fn step(
+        &mut self,
+        graph: &TopologicalGraph,
+        view: &StepView<'_>,
+    ) -> Vec<(&'static str, Logged)> {
         let mut changes: Vec<(&'static str, Logged)> = Vec::new();
         if self.path.as_deref() != Some(view.path) {
-            changes.push(("graph/plan/path", self.route(view.path, WHITE, 1.6, 30.0)));
+            changes.push((
+                "graph/plan/path",
+                self.route(graph, view.path, WHITE, 1.6, 30.0),
+            ));
             let end = view.path.last().copied();
             changes.push((
                 "graph/plan/final_state",
@@ -100,7 +98,7 @@ impl Map {
             self.trail.push(current);
             changes.push((
                 "graph/robot/trail",
-                self.route(&self.trail, STAR, 2.2, 31.0),
+                self.route(graph, &self.trail, STAR, 2.2, 31.0),
             ));
         }
         changes.push((
@@ -226,18 +224,25 @@ impl Map {
             .collect()
     }
 
-    /// A way through the graph, along the curves where it changes the task.
-    fn route(&self, nodes: &[NodeId], colour: Rgb, radius: f32, order: f32) -> Logged {
+    /// A way through the graph, along the curves where it changes the task or begins it again.
+    fn route(
+        &self,
+        graph: &TopologicalGraph,
+        nodes: &[NodeId],
+        colour: Rgb,
+        radius: f32,
+        order: f32,
+    ) -> Logged {
         let mut strip: Vec<[f32; 2]> = nodes
             .first()
             .map(|id| self.layout.at(*id))
             .into_iter()
             .collect();
         for pair in nodes.windows(2) {
-            if self.layout.block_of[pair[0].index()] == self.layout.block_of[pair[1].index()] {
-                strip.push(self.layout.at(pair[1]));
-            } else {
+            if self.layout.is_curved(graph, pair[0], pair[1]) {
                 strip.extend(self.curve(pair[0], pair[1]));
+            } else {
+                strip.push(self.layout.at(pair[1]));
             }
         }
         Box::new(
@@ -262,6 +267,46 @@ impl Map {
     }
 }
 
+/// The rows of all tasks, next to each other in as much room as these need.
+fn frame(graph: &TopologicalGraph, row_height: f32) -> Frame {
+    Frame {
+        left: 0.0,
+        top: 0.0,
+        width: LEAST_WIDTH.max(least_width(graph, GAP)),
+        gap: GAP,
+        row_height,
+    }
+}
+
 fn solid(Rgb(r, g, b): Rgb) -> Color {
     Color::from_rgb(r, g, b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::graph::Node;
+
+    #[test]
+    fn many_tasks_widen_the_map() {
+        let mut graph = TopologicalGraph::new(1, 3);
+        for i in 0..12 {
+            let node = Node {
+                task: format!("task_{i:02}"),
+                trajectory: format!("demonstration_{i:02}"),
+                step: 0,
+                reached: Vec::new(),
+                progress: 0,
+                is_end: true,
+            };
+            graph.add_node(node, &[0.0]);
+        }
+        let layout = GraphLayout::new(&graph, &[], frame(&graph, 1.0));
+        assert_eq!(layout.blocks.len(), 12);
+        for pair in layout.blocks.windows(2) {
+            assert!(pair[0].width > 200.0, "{pair:?}");
+            let gap = pair[1].x - pair[0].x - pair[0].width;
+            assert!((gap - GAP).abs() < 0.01, "{pair:?}");
+        }
+    }
 }

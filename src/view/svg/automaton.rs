@@ -12,8 +12,12 @@ use crate::view::{ViewError, file};
 use crate::wording::counted;
 
 const LEAST_WIDTH: f32 = 900.0;
-/// Between two stages.
-const STAGE: f32 = 190.0;
+/// Between two stages, if the names there are not too long for it.
+const LEAST_STAGE: f32 = 190.0;
+/// Names are not set smaller than this.
+const LEAST_SIZE: f32 = 8.0;
+/// What names leave free between two stages.
+const BESIDE_NAMES: f32 = 34.0;
 const STAGES_A_LINE: usize = 6;
 const LINE: f32 = 150.0;
 /// Orders with more transitions are not drawn: nobody could follow them.
@@ -29,7 +33,8 @@ pub fn automaton_svg(orders: &OrderAutomaton, explanation: &Explanation, title: 
     let shape = Shape::new(orders);
     let is_drawn = orders.transitions().len() <= MOST_TRANSITIONS;
     let columns = explanation.parts.len().clamp(1, STAGES_A_LINE) as f32;
-    let mut width = LEAST_WIDTH.max(2.0 * LEFT + columns * STAGE);
+    let stage = stage_width(explanation);
+    let mut width = LEAST_WIDTH.max(2.0 * LEFT + columns * stage);
     let mut top = 130.0;
     if is_drawn {
         width = width.max(2.0 * LEFT + shape.layers as f32 * orders::LAYER);
@@ -45,7 +50,7 @@ pub fn automaton_svg(orders: &OrderAutomaton, explanation: &Explanation, title: 
             .unwrap_or_default();
         shape.paint(&mut canvas, orders, &way, &tasks);
     }
-    stages(&mut canvas, explanation, &tasks, top);
+    stages(&mut canvas, explanation, &tasks, top, stage);
     canvas.finish()
 }
 
@@ -114,7 +119,13 @@ fn head(
 }
 
 /// The stages of the plan in lines, each with the part of the plan that leads out of it.
-fn stages(canvas: &mut Canvas, explanation: &Explanation, tasks: &BTreeMap<&str, Rgb>, top: f32) {
+fn stages(
+    canvas: &mut Canvas,
+    explanation: &Explanation,
+    tasks: &BTreeMap<&str, Rgb>,
+    top: f32,
+    width: f32,
+) {
     let set = Type {
         size: 13.0,
         weight: 600,
@@ -135,16 +146,16 @@ fn stages(canvas: &mut Canvas, explanation: &Explanation, tasks: &BTreeMap<&str,
     let first = explanation.stages.len() - to_subgoals;
     for (i, part) in explanation.parts.iter().enumerate() {
         let line = top + 70.0 + (i / STAGES_A_LINE) as f32 * LINE;
-        let x = LEFT + (i % STAGES_A_LINE) as f32 * STAGE;
+        let x = LEFT + (i % STAGES_A_LINE) as f32 * width;
         let colour = tasks.get(part.task.as_str()).copied().unwrap_or(INK);
         canvas.push(format_args!(
-            "<path d=\"M{x:.1} {line:.1}h{STAGE:.1}\" stroke=\"{}\" stroke-width=\"4\"/>",
+            "<path d=\"M{x:.1} {line:.1}h{width:.1}\" stroke=\"{}\" stroke-width=\"4\"/>",
             colour.hex()
         ));
-        caption(canvas, part, [x + STAGE / 2.0, line], colour);
+        caption(canvas, part, [x + width / 2.0, line], width, colour);
         stage_circle(canvas, [x, line], first + i);
         let is_last = i + 1 == explanation.parts.len();
-        let end = [x + STAGE, line];
+        let end = [x + width, line];
         if is_last {
             canvas.star(end, 13.0, STAR);
         } else if (i + 1) % STAGES_A_LINE == 0 {
@@ -164,12 +175,27 @@ fn stage_circle(canvas: &mut Canvas, at: [f32; 2], stage: usize) {
     canvas.text(at[0], at[1] + 4.3, set, &stage.to_string());
 }
 
+/// How far stages stand apart, so that the names between two of them do not touch those next to them.
+fn stage_width(explanation: &Explanation) -> f32 {
+    let parts = explanation.parts.iter();
+    let names = parts.flat_map(|part| [aim(part), part.task.as_str()]);
+    let longest = names.map(|name| text_width(name, LEAST_SIZE));
+    longest.fold(LEAST_STAGE, |width, length| {
+        width.max(length + BESIDE_NAMES)
+    })
+}
+
+/// What a part of the plan leads to.
+fn aim(part: &PlanPart) -> &str {
+    part.subgoal.as_deref().unwrap_or("final state")
+}
+
 /// The subgoal above a part of the plan, its steps, cost and probability below.
-fn caption(canvas: &mut Canvas, part: &PlanPart, [x, y]: [f32; 2], colour: Rgb) {
-    let name = part.subgoal.as_deref().unwrap_or("final state");
-    let fit = (STAGE - 34.0) / text_width(name, 1.0).max(1.0);
+fn caption(canvas: &mut Canvas, part: &PlanPart, [x, y]: [f32; 2], width: f32, colour: Rgb) {
+    let fit = |name: &str, room: f32| room / text_width(name, 1.0).max(1.0);
+    let name = aim(part);
     let set = Type {
-        size: fit.clamp(8.0, 13.5),
+        size: fit(name, width - BESIDE_NAMES).clamp(LEAST_SIZE, 13.5),
         weight: 700,
         colour: colour.mixed(INK, 0.25),
         anchor: "middle",
@@ -180,7 +206,11 @@ fn caption(canvas: &mut Canvas, part: &PlanPart, [x, y]: [f32; 2], colour: Rgb) 
         anchor: "middle",
         ..Type::default()
     };
-    canvas.text(x, y - 10.0, small, &part.task);
+    let task = Type {
+        size: fit(&part.task, width - 8.0).clamp(LEAST_SIZE, small.size),
+        ..small
+    };
+    canvas.text(x, y - 10.0, task, &part.task);
     let numbers = format!(
         "{}, cost {:.1}",
         counted(part.steps as usize, "step"),
@@ -237,6 +267,7 @@ mod tests {
                     tasks: tasks.iter().map(|t| (*t).to_owned()).collect(),
                     cost: Some(1.0),
                     steps: Some(1),
+                    left_out: 0,
                     is_chosen: true,
                 }],
             },
@@ -270,6 +301,22 @@ mod tests {
             assert!(drawn.contains(text), "{text} is missing");
         }
         assert_eq!(drawn.matches("<polygon").count(), 1, "one star at the end");
+    }
+
+    #[test]
+    fn long_names_move_the_stages_apart() {
+        let order = Order::InOrder(vec![task("sock"), task("trash")]);
+        let orders = OrderAutomaton::new(&order).expect("it is small");
+        let short = explained(&["sock", "trash"]);
+        assert_eq!(stage_width(&short), LEAST_STAGE);
+        let mut long = short;
+        let name = "n".repeat(60);
+        long.parts[1].subgoal = Some(name.clone());
+        let width = stage_width(&long);
+        assert!(text_width(&name, LEAST_SIZE) < width);
+        let drawn = automaton_svg(&orders, &long, "long");
+        assert_eq!(drawn.matches(&format!("h{width:.1}\"")).count(), 2);
+        assert!(drawn.contains(&name));
     }
 
     #[test]

@@ -1,90 +1,11 @@
 use std::fmt::Write;
 
+use super::MARGIN;
 use super::canvas::{Canvas, Type, text_width};
-use super::{LABEL_HEIGHT, MARGIN};
 use crate::graph::{EdgeKind, TopologicalGraph};
-use crate::view::layout::{Block, GraphLayout};
+use crate::view::layout::GraphLayout;
 use crate::view::palette::{self, GREY, INK};
 use crate::wording::counted;
-
-const LABEL_SIZE: f32 = 12.5;
-
-/// How many lines the subgoals' labels take, so that none covers another.
-pub(super) fn levels(layout: &GraphLayout) -> usize {
-    layout
-        .blocks
-        .iter()
-        .flat_map(|block| label_levels(block).into_iter().map(|level| level + 1))
-        .max()
-        .unwrap_or(0)
-}
-
-/// The level of each label, 0 next to the rows. Labels end at their column, so the one further to the
-/// right covers the column lines of the others unless it stands lower.
-fn label_levels(block: &Block) -> Vec<usize> {
-    let mut levels = vec![0; block.columns.len()];
-    for i in (0..block.columns.len()).rev() {
-        let column = &block.columns[i];
-        levels[i] = block.columns[i + 1..]
-            .iter()
-            .zip(&levels[i + 1..])
-            .filter(|(later, _)| later.x - label_length(&later.subgoal) < column.x + 8.0)
-            .map(|(_, level)| level + 1)
-            .max()
-            .unwrap_or(0);
-    }
-    levels
-}
-
-fn label_length(subgoal: &str) -> f32 {
-    text_width(subgoal, LABEL_SIZE) + 8.0
-}
-
-/// The blocks' ground, and a thin line where each subgoal is reached.
-pub(super) fn columns(canvas: &mut Canvas, layout: &GraphLayout, top: f32, bottom: f32) {
-    for (index, block) in layout.blocks.iter().enumerate() {
-        let colour = palette::task(index);
-        canvas.push(format_args!(
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" rx=\"10\" fill=\"{}\" \
-             fill-opacity=\"0.055\"/>",
-            block.x - 12.0,
-            top - 8.0,
-            block.width + 24.0,
-            bottom - top + 16.0,
-            colour.hex()
-        ));
-        for (column, level) in block.columns.iter().zip(label_levels(block)) {
-            let y = label_y(top, level);
-            canvas.push(format_args!(
-                "<path d=\"M{:.1} {:.1}V{:.1}\" stroke=\"{}\" stroke-width=\"1\" \
-                 stroke-opacity=\"0.6\" stroke-dasharray=\"2 3\"/>",
-                column.x,
-                y - 11.0,
-                bottom,
-                colour.hex()
-            ));
-        }
-    }
-}
-
-/// The names of the subgoals, each to the left of its line.
-pub(super) fn subgoals(canvas: &mut Canvas, layout: &GraphLayout, top: f32) {
-    for (index, block) in layout.blocks.iter().enumerate() {
-        for (column, level) in block.columns.iter().zip(label_levels(block)) {
-            let set = Type {
-                size: LABEL_SIZE,
-                weight: 500,
-                colour: palette::task(index).mixed(INK, 0.35),
-                anchor: "end",
-            };
-            canvas.text(column.x - 5.0, label_y(top, level), set, &column.subgoal);
-        }
-    }
-}
-
-fn label_y(top: f32, level: usize) -> f32 {
-    top - 16.0 - level as f32 * LABEL_HEIGHT
-}
 
 /// The tasks' names above their blocks.
 pub(super) fn blocks(canvas: &mut Canvas, graph: &TopologicalGraph, layout: &GraphLayout) {
@@ -104,7 +25,7 @@ pub(super) fn blocks(canvas: &mut Canvas, graph: &TopologicalGraph, layout: &Gra
         let mut counts = format!(
             "{}, median {:.0} steps",
             counted(block.rows.len(), "demonstration"),
-            block.steps
+            block.median_steps
         );
         if ends != block.rows.len() {
             let _ = write!(counts, ", {}", counted(ends, "end state"));

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::canvas::{Canvas, Type};
-use crate::task::{OrderAutomaton, OrderTransition};
-use crate::view::palette::{GREY, INK, Rgb};
+use super::arrows::{self, Arrow};
+use super::canvas::Canvas;
+use crate::task::OrderAutomaton;
+use crate::view::palette::{INK, Rgb};
 
 /// Left edge of the first state.
 pub(super) const LEFT: f32 = 60.0;
@@ -64,15 +65,14 @@ impl Shape {
         way: &[usize],
         tasks: &BTreeMap<&str, Rgb>,
     ) {
-        let bends = bends(orders, &self.layer_of);
         let transitions = orders.transitions();
-        for is_chosen in [false, true] {
-            for (i, (transition, bend)) in transitions.iter().zip(&bends).enumerate() {
-                if way.contains(&i) == is_chosen {
-                    self.arrow(canvas, transition, *bend, is_chosen, tasks);
-                }
+        let arrows = self.arrows(orders, way, tasks);
+        for is_planned in [false, true] {
+            for arrow in arrows.iter().filter(|a| a.is_planned == is_planned) {
+                arrow.paint(canvas);
             }
         }
+        arrows::label(canvas, &arrows);
         let passed = |state: usize| {
             way.iter()
                 .any(|i| transitions[*i].from == state || transitions[*i].to == state)
@@ -88,53 +88,34 @@ impl Shape {
         }
     }
 
-    fn arrow(
+    /// An arrow for each transition, in their order.
+    fn arrows<'a>(
         &self,
-        canvas: &mut Canvas,
-        transition: &OrderTransition,
-        bend: f32,
-        is_chosen: bool,
+        orders: &'a OrderAutomaton,
+        way: &[usize],
         tasks: &BTreeMap<&str, Rgb>,
-    ) {
-        let ([x0, y0], [x1, y1]) = (self.places[transition.from], self.places[transition.to]);
-        let reach = (x1 - x0) * 0.35;
-        let task = transition.task.as_deref();
-        let colour = match task.and_then(|t| tasks.get(t)) {
-            Some(colour) if is_chosen => *colour,
-            Some(colour) => colour.mixed(Rgb(255, 255, 255), 0.55),
-            None => PALE,
-        };
-        let dashes = if task.is_none() {
-            " stroke-dasharray=\"5 4\""
-        } else {
-            ""
-        };
-        canvas.push(format_args!(
-            "<path d=\"M{x0:.1} {y0:.1}C{:.1} {:.1} {:.1} {:.1} {x1:.1} {y1:.1}\" stroke=\"{}\" \
-             stroke-width=\"{}\"{dashes}/>",
-            x0 + reach,
-            y0 - bend,
-            x1 - reach,
-            y1 - bend,
-            colour.hex(),
-            if is_chosen { 4.0 } else { 1.6 }
-        ));
-        let set = Type {
-            size: 13.0,
-            weight: if is_chosen { 700 } else { 400 },
-            colour: if is_chosen {
-                colour.mixed(INK, 0.25)
-            } else {
-                GREY
-            },
-            anchor: "middle",
-        };
-        // A third of the way along, where arrows that cross in the middle have parted.
-        let (share, rise) = (0.36_f32, 0.69);
-        let x = x0 + (x1 - x0) * share;
-        let smooth = share * share * (3.0 - 2.0 * share);
-        let y = y0 + (y1 - y0) * smooth - bend * rise - 7.0;
-        canvas.text(x, y, set, task.unwrap_or("left out"));
+    ) -> Vec<Arrow<'a>> {
+        let bends = bends(orders, &self.layer_of);
+        let transitions = orders.transitions().iter().zip(bends).enumerate();
+        transitions
+            .map(|(i, (transition, bend))| {
+                let task = transition.task.as_deref();
+                let is_planned = way.contains(&i);
+                let colour = match task.and_then(|t| tasks.get(t)) {
+                    Some(colour) if is_planned => *colour,
+                    Some(colour) => colour.mixed(Rgb(255, 255, 255), 0.55),
+                    None => PALE,
+                };
+                Arrow {
+                    from: self.places[transition.from],
+                    to: self.places[transition.to],
+                    bend,
+                    task,
+                    is_planned,
+                    colour,
+                }
+            })
+            .collect()
     }
 }
 

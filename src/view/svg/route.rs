@@ -1,13 +1,14 @@
 use std::fmt::Write;
 
-use super::canvas::{Canvas, Type};
+use super::canvas::{Canvas, Type, text_width};
 use super::edges::arc;
 use crate::graph::{NodeId, TopologicalGraph};
-use crate::view::layout::GraphLayout;
+use crate::view::layout::{GraphLayout, is_cross_task};
 use crate::view::palette::{INK, Rgb, STAR};
 
 const WHITE: Rgb = Rgb(255, 255, 255);
 const BADGE_RADIUS: f32 = 9.5;
+const NUMBER_SIZE: f32 = 11.5;
 const STAR_RADIUS: f32 = 13.0;
 /// How far above its place a number stands that would touch the star.
 const LIFT: f32 = 24.0;
@@ -22,15 +23,7 @@ pub(super) fn paint(
     let (Some(first), Some(last)) = (route.first(), route.last()) else {
         return;
     };
-    let mut path = String::new();
-    for pair in route.windows(2) {
-        if layout.block_of[pair[0].index()] == layout.block_of[pair[1].index()] {
-            let ([x0, y0], [x1, y1]) = (layout.at(pair[0]), layout.at(pair[1]));
-            let _ = write!(path, "M{x0:.1} {y0:.1}L{x1:.1} {y1:.1}");
-        } else {
-            path.push_str(&arc(layout, pair[0], pair[1]));
-        }
-    }
+    let path = path(graph, layout, route);
     for (colour, width) in [(WHITE, 6.5), (INK, 3.0)] {
         canvas.push(format_args!(
             "<path d=\"{path}\" stroke=\"{}\" stroke-width=\"{width}\" stroke-linecap=\"round\" \
@@ -44,53 +37,90 @@ pub(super) fn paint(
          stroke-width=\"3\"/>",
         INK.hex()
     ));
-    for (number, node) in stage_ends(graph, route).into_iter().enumerate() {
-        badge(
-            canvas,
-            beside(layout.at(node), layout.at(*last)),
-            number + 1,
-        );
+    for (node, numbers) in stage_ends(graph, route) {
+        let numbers: Vec<String> = numbers.iter().map(usize::to_string).collect();
+        let text = numbers.join(", ");
+        let place = beside(layout.at(node), half_width(&text), layout.at(*last));
+        badge(canvas, place, &text);
     }
     canvas.star(layout.at(*last), STAR_RADIUS, STAR);
 }
 
-/// The first node of the route at which each further subgoal holds, in order.
-fn stage_ends(graph: &TopologicalGraph, route: &[NodeId]) -> Vec<NodeId> {
-    let mut ends = Vec::new();
-    let mut done: Vec<(&str, u32)> = Vec::new();
-    for id in route {
+/// Straight along the rows, and along the curves between tasks.
+fn path(graph: &TopologicalGraph, layout: &GraphLayout, route: &[NodeId]) -> String {
+    let mut path = String::new();
+    for pair in route.windows(2) {
+        if layout.is_curved(graph, pair[0], pair[1]) {
+            path.push_str(&arc(layout, pair[0], pair[1]));
+        } else {
+            let ([x0, y0], [x1, y1]) = (layout.at(pair[0]), layout.at(pair[1]));
+            let _ = write!(path, "M{x0:.1} {y0:.1}L{x1:.1} {y1:.1}");
+        }
+    }
+    path
+}
+
+/// The nodes of the route at which further subgoals hold, each with the numbers of these: several where it
+/// reaches several at once, or is passed again in a later round.
+fn stage_ends(graph: &TopologicalGraph, route: &[NodeId]) -> Vec<(NodeId, Vec<usize>)> {
+    let mut ends: Vec<(NodeId, Vec<usize>)> = Vec::new();
+    let (mut task, mut held, mut number) = ("", 0, 0);
+    for (i, id) in route.iter().enumerate() {
         let node = graph.node(*id);
-        let known = done.iter().position(|(task, _)| *task == node.task);
-        let task = known.unwrap_or_else(|| {
-            // A task that is entered half-way has its first subgoals behind it.
-            let before = node.progress.saturating_sub(node.reached.len() as u32);
-            done.push((&node.task, before));
-            done.len() - 1
-        });
-        let held = &mut done[task].1;
-        while *held < node.progress {
-            *held += 1;
-            ends.push(*id);
+        // A task that is done again is entered by an edge between tasks too.
+        let is_entered = i > 0 && is_cross_task(graph, route[i - 1], *id);
+        if node.task != task || is_entered {
+            task = &node.task;
+            // One that is entered half-way has its first subgoals behind it.
+            held = node.progress.saturating_sub(node.reached.len() as u32);
+        }
+        while held < node.progress {
+            held += 1;
+            number += 1;
+            match ends.iter_mut().find(|(end, _)| end == id) {
+                Some((_, numbers)) => numbers.push(number),
+                None => ends.push((*id, vec![number])),
+            }
         }
     }
     ends
 }
 
-/// Where a number stands so that the star covers nothing of it.
-fn beside([x, y]: [f32; 2], star: [f32; 2]) -> [f32; 2] {
-    let touches = (x - star[0]).hypot(y - star[1]) < BADGE_RADIUS + STAR_RADIUS;
+/// Where numbers stand so that the star covers nothing of them.
+fn beside([x, y]: [f32; 2], half_width: f32, star: [f32; 2]) -> [f32; 2] {
+    let apart = ((x - star[0]).abs() - (half_width - BADGE_RADIUS)).max(0.0);
+    let touches = apart.hypot(y - star[1]) < BADGE_RADIUS + STAR_RADIUS;
     [x, if touches { y - LIFT } else { y }]
 }
 
-fn badge(canvas: &mut Canvas, [x, y]: [f32; 2], number: usize) {
-    canvas.push(format_args!(
-        "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{BADGE_RADIUS}\" fill=\"{}\" stroke=\"#ffffff\" \
-         stroke-width=\"2\"/>",
+/// Of the badge around these numbers, which is a circle as long as they fit.
+fn half_width(numbers: &str) -> f32 {
+    (text_width(numbers, NUMBER_SIZE) / 2.0 + 3.0).max(BADGE_RADIUS)
+}
+
+fn badge(canvas: &mut Canvas, [x, y]: [f32; 2], numbers: &str) {
+    let half = half_width(numbers);
+    let look = format!(
+        "fill=\"{}\" stroke=\"#ffffff\" stroke-width=\"2\"/>",
         INK.hex()
-    ));
+    );
+    if half > BADGE_RADIUS {
+        canvas.push(format_args!(
+            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" rx=\"{BADGE_RADIUS}\" \
+             {look}",
+            x - half,
+            y - BADGE_RADIUS,
+            2.0 * half,
+            2.0 * BADGE_RADIUS
+        ));
+    } else {
+        canvas.push(format_args!(
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{BADGE_RADIUS}\" {look}"
+        ));
+    }
     canvas.push(format_args!(
-        "<text x=\"{x:.1}\" y=\"{:.1}\" font-size=\"11.5\" font-weight=\"700\" fill=\"#ffffff\" \
-         text-anchor=\"middle\">{number}</text>",
+        "<text x=\"{x:.1}\" y=\"{:.1}\" font-size=\"{NUMBER_SIZE}\" font-weight=\"700\" \
+         fill=\"#ffffff\" text-anchor=\"middle\">{numbers}</text>",
         y + 4.1
     ));
 }
@@ -106,7 +136,7 @@ pub(super) fn sample(canvas: &mut Canvas, x: f32, y: f32) {
         ..Type::default()
     };
     canvas.text(x + 40.0, y + 4.5, set, "planned route");
-    badge(canvas, [x + 150.0, y], 1);
+    badge(canvas, [x + 150.0, y], "1");
     canvas.text(x + 166.0, y + 4.5, set, "reaches a subgoal");
     canvas.star([x + 300.0, y], 9.0, STAR);
     canvas.text(x + 316.0, y + 4.5, set, "chosen final state");
@@ -119,8 +149,22 @@ mod tests {
     #[test]
     fn a_number_stands_above_its_place_where_the_star_would_cover_it() {
         let star = [200.0, 50.0];
-        assert_eq!(beside(star, star), [200.0, 26.0]);
-        assert_eq!(beside([184.0, 50.0], star), [184.0, 26.0]);
-        assert_eq!(beside([170.0, 50.0], star), [170.0, 50.0]);
+        let beside = |place| beside(place, half_width("7"), star);
+        assert_eq!(beside(star), [200.0, 26.0]);
+        assert_eq!(beside([184.0, 50.0]), [184.0, 26.0]);
+        assert_eq!(beside([170.0, 50.0]), [170.0, 50.0]);
+    }
+
+    #[test]
+    fn several_numbers_share_a_wider_badge() {
+        let star = [200.0, 50.0];
+        assert_eq!(half_width("12"), BADGE_RADIUS);
+        let half = half_width("3, 8");
+        assert!(half > BADGE_RADIUS);
+        assert_eq!(beside([172.0, 50.0], half, star), [172.0, 26.0]);
+        let mut canvas = Canvas::new(400.0, 100.0);
+        badge(&mut canvas, [170.0, 50.0], "3, 8");
+        let drawn = canvas.finish();
+        assert!(drawn.contains(">3, 8</text>") && !drawn.contains("<circle"));
     }
 }
