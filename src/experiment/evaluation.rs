@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Score, ShortcutDetection, SubgoalOutcome, wilson_interval_95};
 use crate::rollout::{Episode, EpisodeEnd, Event, StepTimes};
+use crate::task::Subgoal;
 use crate::wording::counted;
 
 /// One scored episode.
@@ -27,6 +28,9 @@ pub struct EpisodeResult {
     /// The first step at which the monitor flagged a shortcut; none where it saw none.
     #[serde(default)]
     pub flagged_step: Option<usize>,
+    /// What that first flag said was skipped, in order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub flagged_skipped: Vec<String>,
     /// Shortcuts that the monitor flagged.
     pub shortcuts_flagged: usize,
     /// Steps at which the robot was lost.
@@ -91,7 +95,9 @@ impl EpisodeResult {
     #[must_use]
     pub fn new(seed: u64, episode: &Episode, score: &Score) -> Self {
         let events = episode.events.iter();
-        let flags: Vec<usize> = events.filter_map(Event::shortcut_step).collect();
+        let flags: Vec<(usize, &[Subgoal])> = events.filter_map(Event::shortcut).collect();
+        let first = flags.first();
+        let skipped = first.into_iter().flat_map(|(_, skipped)| *skipped);
         let ended = match &episode.end {
             EpisodeEnd::Finished => "finished".to_owned(),
             EpisodeEnd::OutOfSteps => "out_of_steps".to_owned(),
@@ -106,7 +112,8 @@ impl EpisodeResult {
             outcomes: score.outcomes(),
             first_steps: score.first_steps().to_vec(),
             shortcut_step: score.shortcut_step(),
-            flagged_step: flags.first().copied(),
+            flagged_step: first.map(|(step, _)| *step),
+            flagged_skipped: skipped.map(|s| s.name.clone()).collect(),
             shortcuts_flagged: flags.len(),
             lost_steps: episode.lost_steps,
             step_times_ms: episode.times.iter().map(StepTimes::total_ms).collect(),
@@ -239,6 +246,7 @@ mod tests {
             first_steps: vec![None; 2],
             shortcut_step: None,
             flagged_step: None,
+            flagged_skipped: Vec::new(),
             shortcuts_flagged: 0,
             lost_steps: 1,
             step_times_ms: vec![1.0, 2.0, 3.0, 100.0],

@@ -37,7 +37,8 @@ impl<'a> Watched<'a> {
         }
         match self.monitor.look(Arc::clone(observation)) {
             Ok(sight) => {
-                self.flagged_step = sight.events.iter().find_map(Event::shortcut_step);
+                let flag = sight.events.iter().find_map(Event::shortcut);
+                self.flagged_step = flag.map(|(step, _)| step);
             }
             Err(failure) => self.failure = Some(failure),
         }

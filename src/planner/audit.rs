@@ -2,8 +2,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::layout::{stage_offsets, subgoal_count};
-use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph};
+use super::layout::{leads_on, stage_offsets, subgoal_count};
+use crate::graph::{EdgeKind, NodeId, TopologicalGraph};
 use crate::task::{Automaton, Subgoal};
 use crate::wording::counted;
 
@@ -120,9 +120,11 @@ pub(super) fn audit_after(
     }
     for pair in route.windows(2) {
         let (from, to) = (pair[0], pair[1]);
-        let is_seam = |e: &Edge| e.kind == EdgeKind::CrossTask;
-        let is_round = graph.edge(from, to).is_some_and(is_seam) && occurrence.is_some();
-        if graph.node(from).task != graph.node(to).task || is_round {
+        let is_same_task = graph.node(from).task == graph.node(to).task;
+        let begins_round = graph
+            .edge(from, to)
+            .is_some_and(|e| leads_on(e, is_same_task));
+        if !is_same_task || (begins_round && occurrence.is_some()) {
             occurrence = walker.next_occurrence(occurrence.map_or(0, |o| o + 1), to);
         }
         let there = walker.stage(occurrence, to);

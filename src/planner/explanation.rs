@@ -68,6 +68,9 @@ pub struct OrderExplained {
     pub cost: Option<f64>,
     /// Predicted steps of that plan.
     pub steps: Option<u32>,
+    /// How many optional parts it leaves out.
+    #[serde(default)]
+    pub left_out: usize,
     /// Whether it is the order that is planned.
     pub is_chosen: bool,
 }

@@ -252,14 +252,12 @@ impl Layout {
             }
             return pairs;
         }
-        // From a task into itself leads what joins its end to its start, into another round.
-        let is_seam = edge.kind == EdgeKind::CrossTask;
-        let is_round = is_seam && graph.node(from).task == graph.node(to).task;
+        let is_same_task = graph.node(from).task == graph.node(to).task;
         for &occurrence in &self.occurrences[from.index()] {
             let a = self.at(from, occurrence);
             let stage = self.place(a).stage;
-            let same = (!is_round).then_some(occurrence);
-            let next = (edge.kind != EdgeKind::Temporal).then_some(occurrence + 1);
+            let same = stays_in_round(edge, is_same_task).then_some(occurrence);
+            let next = leads_on(edge, is_same_task).then_some(occurrence + 1);
             for there in same.into_iter().chain(next) {
                 if self.occurrences[to.index()].binary_search(&there).is_ok() {
                     let b = self.at(to, there);
@@ -270,6 +268,21 @@ impl Layout {
             }
         }
         pairs
+    }
+}
+
+/// Whether a plan may take an edge without beginning another task or another round of the same one.
+pub(super) fn stays_in_round(edge: &Edge, is_same_task: bool) -> bool {
+    is_same_task && edge.kind != EdgeKind::CrossTask
+}
+
+/// Whether a plan may begin the next task with an edge. From a task into itself only what joins its end to its
+/// start does, into another round; a learned edge of a task leads back within it.
+pub(super) fn leads_on(edge: &Edge, is_same_task: bool) -> bool {
+    match edge.kind {
+        EdgeKind::Temporal => false,
+        EdgeKind::Learned => !is_same_task,
+        EdgeKind::CrossTask => true,
     }
 }
 

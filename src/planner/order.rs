@@ -1,12 +1,14 @@
 use std::collections::BTreeMap;
 
+use super::layout::{leads_on, stays_in_round};
 use super::roads::{Road, Roads, road_price};
 use super::timeline::Timeline;
 use super::{CostToGo, FinalChoice, PlaceId, PlannerError, PlannerOptions, Start, Terms};
 use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph, left_out};
 use crate::task::{OrderAutomaton, Task};
 
-/// The cheapest of the orders that an [`OrderAutomaton`] allows.
+/// The cheapest of the orders that an [`OrderAutomaton`] allows, of those that leave the fewest optional parts
+/// out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SettledOrder {
     /// The tasks in that order.
@@ -334,13 +336,12 @@ impl<'a> Product<'a> {
                 let due = subgoals.get(held(before)..held(entered.progress as usize));
                 due.is_some_and(|due| entered.reaches(due))
             };
-            // What joins the end of a task to its own start leads into another round.
-            let is_round = edge.kind == EdgeKind::CrossTask && left.task == entered.task;
-            if left.task == entered.task && !is_round && reaches(here, left.progress as usize) {
+            let is_same_task = left.task == entered.task;
+            if stays_in_round(edge, is_same_task) && reaches(here, left.progress as usize) {
                 joined.push((here, here, 0));
             }
             let is_done = left.progress as usize >= occurrence.task.subgoals.len();
-            if edge.kind != EdgeKind::Temporal && is_done {
+            if leads_on(edge, is_same_task) && is_done {
                 for (there, skips) in &following[here] {
                     let fits = |t: &usize| self.occurrences[*t].task.name == entered.task;
                     if let Some(there) = there.filter(|t| fits(t) && reaches(*t, 0)) {

@@ -1,3 +1,4 @@
+mod fingers;
 mod grip;
 mod suspicion;
 
@@ -91,8 +92,11 @@ pub(super) struct Stages {
     /// Stages at which a later task starts.
     is_start: Vec<bool>,
     grip: Grip,
-    /// Stages whose subgoal was to let go of something when the gripper was empty.
+    /// Stages whose subgoal was to let go of something when the gripper was empty, or had not shut to take it; those of
+    /// the taking, too, then.
     is_hollow: Vec<bool>,
+    /// The stage at which the robot was most probably a step ago.
+    believed: usize,
     /// What speaks for a later subgoal without earlier ones.
     ahead: Suspicion,
     /// What speaks for the current stage although an earlier one was only believed.
@@ -121,6 +125,7 @@ impl Stages {
             is_start: (0..count).map(|s| starts_of_tasks.contains(&s)).collect(),
             grip: Grip::new(vec![Load::Nothing; count]),
             is_hollow: vec![false; count],
+            believed: 0,
             ahead: Suspicion::new(DOUBT, CONVINCED),
             overlooked: Suspicion::new(DOUBT, CONVINCED),
             reported: [None; 2],
@@ -144,6 +149,7 @@ impl Stages {
         self.grip.forget_what_was_carried();
         self.sensed[..=stage].fill(1.0);
         self.is_hollow.fill(false);
+        self.believed = stage;
     }
 
     fn set(&mut self, stage: usize) {
@@ -153,6 +159,9 @@ impl Stages {
         }
         if stage > self.now && self.grip.lets_go_of_nothing(stage) {
             self.is_hollow[self.now + 1..=stage].fill(true);
+        }
+        if let Some(first) = self.grip.never_took(self.now, stage) {
+            self.is_hollow[first..=stage].fill(true);
         }
         self.grip.forget();
         self.now = stage;
@@ -180,7 +189,7 @@ impl Stages {
 
     /// Notes what is seen of the gripper.
     pub(super) fn note_grasp(&mut self, sight: GraspSight) {
-        self.grip.note(self.now, sight);
+        self.grip.note(self.now, self.believed, sight);
     }
 
     /// What a classifier gives each stage, less where the gripper should hold something and is empty.
@@ -195,6 +204,7 @@ impl Stages {
         view: &StageView<'_>,
     ) -> Option<StageChange> {
         self.votes.unfit = 0;
+        self.believed = most_probable(view.probabilities);
         self.note(view);
         if let Some(change) = self.dropped(options).or_else(|| self.taken(options)) {
             return Some(change);
@@ -236,6 +246,8 @@ impl Stages {
         options: &FilterOptions,
         view: &StageView<'_>,
     ) -> Option<StageChange> {
+        self.believed = most_probable(view.probabilities);
+        self.note_release(view);
         if let Some(change) = self.dropped(options).or_else(|| self.taken(options)) {
             return Some(change);
         }
@@ -254,6 +266,17 @@ impl Stages {
         }
         self.set(to);
         Some(StageChange::Advanced { to })
+    }
+
+    /// Notes that what was held is put away, where that is all but certain in the very step in which the gripper is
+    /// seen to let go. A robot that goes straight on is at the start of the next task a step or two later, and until
+    /// then it stands as no demonstration did.
+    fn note_release(&mut self, view: &StageView<'_>) {
+        let to = self.now + 1;
+        let reached = view.reached.get(to).copied().unwrap_or(0.0);
+        if reached >= CERTAIN && self.grip.lets_go(self.now) {
+            self.peaks[to] = self.peaks[to].max(reached);
+        }
     }
 
     /// Back to the stage in which what an empty gripper should hold is grasped, over all those in which it is held.

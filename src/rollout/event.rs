@@ -76,11 +76,11 @@ pub enum Event {
 }
 
 impl Event {
-    /// The step at which a shortcut was flagged; none for any other event.
+    /// The step at which a shortcut was flagged, and what it skipped; none for any other event.
     #[must_use]
-    pub fn shortcut_step(&self) -> Option<usize> {
+    pub fn shortcut(&self) -> Option<(usize, &[Subgoal])> {
         match self {
-            Self::Shortcut { step, .. } => Some(*step),
+            Self::Shortcut { step, skipped, .. } => Some((*step, skipped)),
             _ => None,
         }
     }

@@ -185,23 +185,6 @@ impl OrderAutomaton {
         self.states - 1
     }
 
-    /// The states that can be reached from one by leaving optional parts out, each with how many that
-    /// takes at least; the state itself with none.
-    #[must_use]
-    pub fn skipped_to(&self, state: usize) -> Vec<(usize, usize)> {
-        let mut reached = vec![(state, 0)];
-        let mut at = 0;
-        while let Some((here, skips)) = reached.get(at).copied() {
-            for transition in self.leaving(here).filter(|t| t.task.is_none()) {
-                if reached.iter().all(|(state, _)| *state != transition.to) {
-                    reached.push((transition.to, skips + 1));
-                }
-            }
-            at += 1;
-        }
-        reached
-    }
-
     /// Pairs of tasks of which the second may come right after the first.
     #[must_use]
     pub fn follows(&self) -> BTreeSet<(&str, &str)> {

@@ -68,11 +68,18 @@ impl fmt::Display for OrdersExplained {
         for order in &self.listed {
             let mark = if order.is_chosen { '*' } else { ' ' };
             let tasks = order.tasks.join(", ");
+            let left_out = match order.left_out {
+                0 => String::new(),
+                count => format!(", leaves out {}", counted(count, "optional part")),
+            };
             match (order.cost, order.steps) {
                 (Some(cost), Some(steps)) => {
-                    writeln!(f, "  {mark} {tasks}: cost {cost:.2}, {steps} steps")?;
+                    writeln!(
+                        f,
+                        "  {mark} {tasks}: cost {cost:.2}, {steps} steps{left_out}"
+                    )?;
                 }
-                _ => writeln!(f, "  {mark} {tasks}: does not connect")?,
+                _ => writeln!(f, "  {mark} {tasks}: does not connect{left_out}")?,
             }
         }
         Ok(())

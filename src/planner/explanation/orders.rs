@@ -26,6 +26,7 @@ pub(super) fn explain(
                 tasks: order,
                 cost: plan.as_ref().map(|p| p.cost),
                 steps: plan.map(|p| p.steps),
+                left_out: 0,
                 is_chosen: false,
             }
         })
@@ -34,6 +35,7 @@ pub(super) fn explain(
         tasks: chosen.to_vec(),
         cost: Some(plan.cost),
         steps: Some(plan.steps),
+        left_out: 0,
         is_chosen: true,
     });
     let cost = |order: &OrderExplained| order.cost.unwrap_or(f64::INFINITY);
@@ -50,6 +52,9 @@ pub(super) fn explain(
         explained.swap(at, LISTED - 1);
     }
     explained.truncate(LISTED);
+    for order in &mut explained {
+        order.left_out = orders.left_out(&order.tasks).unwrap_or(0);
+    }
     OrdersExplained {
         way_count: orders.way_count(),
         planned,

@@ -1,5 +1,6 @@
 use super::super::grips::Load;
 use super::Suspicion;
+use super::fingers::Fingers;
 use crate::model::GraspSight;
 
 /// What is seen of the gripper counts beyond this ...
@@ -29,10 +30,11 @@ pub(super) struct Grip {
     /// What it may be seen to hold instead, and what speaks for nothing.
     other: (usize, Suspicion),
     nothing: Suspicion,
+    fingers: Fingers,
 }
 
 impl Grip {
-    pub(super) const fn new(loads: Vec<Load>) -> Self {
+    pub(super) fn new(loads: Vec<Load>) -> Self {
         Self {
             loads,
             empty: Suspicion::new(DOUBT, CONVINCED),
@@ -44,6 +46,7 @@ impl Grip {
             taken: Suspicion::new(DOUBT, CONVINCED),
             other: (0, Suspicion::new(DOUBT, CONVINCED)),
             nothing: Suspicion::new(DOUBT, CONVINCED),
+            fingers: Fingers::default(),
         }
     }
 
@@ -72,8 +75,33 @@ impl Grip {
         self.is_empty = true;
     }
 
-    /// Notes what is seen of it in a stage.
-    pub(super) fn note(&mut self, stage: usize, sight: GraspSight) {
+    /// Whether it is to hold something in a stage or in the next.
+    fn is_to_take(&self, stage: usize) -> bool {
+        let mut loads = self.loads.iter().skip(stage).take(2);
+        loads.any(|load| load.is_held())
+    }
+
+    /// Whether it is seen to let go, in this step, of what it should hold in a stage and not in the next.
+    pub(super) fn lets_go(&self, stage: usize) -> bool {
+        let next = self.loads.get(stage + 1);
+        self.fingers.lets_go() && next.is_some_and(|load| !load.is_held())
+    }
+
+    /// Where a stage begins in which nothing is held: the first of the stages in which something was to be held until
+    /// then, if the gripper did not shut to take it.
+    pub(super) fn never_took(&self, from: usize, to: usize) -> Option<usize> {
+        let is_let_go = self.fingers.is_idle() && !self.holds(to);
+        let held = (from..to).find(|stage| self.holds(*stage));
+        let held = held.filter(|_| is_let_go)?;
+        let before = (0..held).rfind(|stage| !self.holds(*stage));
+        Some(before.map_or(0, |stage| stage + 1))
+    }
+
+    /// Notes what is seen of it in a stage, and where the robot was believed to be a step ago.
+    pub(super) fn note(&mut self, stage: usize, believed: usize, sight: GraspSight) {
+        let is_due = self.loads[stage].may_be(sight.thing);
+        let is_to_take = self.is_to_take(stage.max(believed));
+        self.fingers.note(sight, is_due, is_to_take);
         let (thing, seen) = &mut self.other;
         if *thing != sight.thing {
             *thing = sight.thing;
@@ -133,6 +161,7 @@ impl Grip {
         self.carried = None;
         self.other.1.forget();
         self.nothing.forget();
+        self.fingers = Fingers::default();
     }
 
     /// Forgets what was seen, for another stage.
@@ -143,5 +172,6 @@ impl Grip {
         self.taken.forget();
         self.was_open = false;
         self.is_taken = false;
+        self.fingers.forget_hold();
     }
 }

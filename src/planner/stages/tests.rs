@@ -359,3 +359,109 @@ fn what_an_episode_showed_is_forgotten_before_the_next() {
     assert_eq!(run(1.0).last(), Some(&overlooked));
     assert_eq!(run(1.0), run(0.0));
 }
+
+#[test]
+fn what_is_put_away_counts_as_seen_where_it_is_let_go_though_little_fits() {
+    let sight = |open: f64, thing| GraspSight {
+        open,
+        empty: 0.0,
+        held: 1.0 - open,
+        thing,
+    };
+    let (open, mine, other) = (sight(1.0, 0), sight(0.0, 0), sight(0.0, 1));
+    // What is seen before, and how sure it is in the step in which the gripper opens, and in the next, that the stage
+    // after is reached. None of these fits; then the robot is at the start of the next task, which does.
+    let run = |before: &[GraspSight], reached: [f64; 2]| {
+        let mut stages = Stages::new(4, &[2]);
+        stages.know_loads(vec![
+            Load::Nothing,
+            Load::Thing(0),
+            Load::Nothing,
+            Load::Thing(1),
+        ]);
+        stages.accept(1);
+        let options = FilterOptions::default();
+        let mut changes = Vec::new();
+        for sight in before {
+            stages.note_grasp(*sight);
+            changes.extend(stages.vote(&options, &plainly(&[0.0, 1.0, 0.0, 0.0])));
+        }
+        for reached in reached {
+            stages.note_grasp(open);
+            let view = [0.0, 1.0 - reached, reached, 0.0];
+            changes.extend(stages.vote_unfit(&options, &plainly(&view)));
+        }
+        for _ in 0..4 {
+            stages.note_grasp(open);
+            let view = StageView {
+                reached: &[0.0; 4],
+                ..plainly(&[0.0, 0.0, 1.0, 0.0])
+            };
+            changes.extend(stages.vote(&options, &view));
+        }
+        changes
+    };
+    let advanced = [StageChange::Advanced { to: 2 }];
+    let skipped = vec![1];
+    let ahead = [StageChange::Ahead { to: 2, skipped }];
+    assert_eq!(run(&[mine, mine], [1.0, 1.0]), advanced);
+    assert_eq!(run(&[mine, mine], [0.95, 0.0]), advanced);
+    assert_eq!(run(&[mine, mine], [0.8, 0.8]), ahead, "unsure");
+    assert_eq!(run(&[mine, mine], [0.0, 1.0]), ahead, "let go before");
+    assert_eq!(run(&[other, other], [1.0, 1.0]), ahead, "another thing");
+    assert_eq!(run(&[open, open], [1.0, 1.0]), ahead, "nothing");
+}
+
+#[test]
+fn a_gripper_that_did_not_shut_to_take_a_thing_puts_none_away() {
+    let sight = |open: f64, thing| GraspSight {
+        open,
+        empty: 0.0,
+        held: 1.0 - open,
+        thing,
+    };
+    let (open, first, second) = (sight(1.0, 0), sight(0.0, 0), sight(0.0, 1));
+    let run = |on_the_way: &[GraspSight], accept: bool| {
+        let mut stages = Stages::new(6, &[3]);
+        let (one, two) = (Load::Thing(0), Load::Thing(1));
+        let nothing = Load::Nothing;
+        stages.know_loads(vec![nothing, nothing, one, nothing, two, nothing]);
+        stages.accept(0);
+        let options = FilterOptions {
+            advance_when_held: false,
+            ..FilterOptions::default()
+        };
+        let mut changes = Vec::new();
+        let mut see = |stages: &mut Stages, stage: usize, sight: GraspSight| {
+            let mut believed = [0.0; 6];
+            believed[stage] = 1.0;
+            stages.note_grasp(sight);
+            changes.extend(stages.vote(&options, &plainly(&believed)));
+        };
+        // It shuts on a handle, which looks like a thing that is held.
+        let pulls = [(0, open), (0, first), (0, first), (1, first), (1, first)];
+        for (stage, sight) in pulls {
+            see(&mut stages, stage, sight);
+        }
+        for sight in on_the_way {
+            see(&mut stages, 1, *sight);
+        }
+        for (stage, sight) in [(2, first), (2, first), (2, first), (3, open), (3, open)] {
+            see(&mut stages, stage, sight);
+        }
+        if accept {
+            stages.accept(3);
+        }
+        for _ in 0..4 {
+            see(&mut stages, 4, second);
+        }
+        changes.split_off(3)
+    };
+    let advanced = StageChange::Advanced { to: 4 };
+    let skipped = vec![1, 2];
+    let shortcut = StageChange::Shortcut { to: 4, skipped };
+    assert_eq!(run(&[], false), [advanced.clone(), shortcut]);
+    let advanced = [advanced];
+    assert_eq!(run(&[open, first], false), advanced, "it opened and shut");
+    assert_eq!(run(&[], true), advanced, "taken as reached");
+}

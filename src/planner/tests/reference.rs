@@ -57,18 +57,24 @@ impl World {
             && self.automaton.is_accepting(stage)
     }
 
-    /// Whether a plan that holds `here = (occurrence, stage)` may enter a node at `there`.
+    /// Whether a plan that holds `here = (occurrence, stage)` may enter a node at `there`, from where the
+    /// robot is or by an edge from another node. What crosses from a task into itself is another round.
     fn may_go(
         &self,
         here: (usize, usize),
         to: NodeId,
         there: (usize, usize),
-        edge: Option<&Edge>,
+        by: Option<(NodeId, &Edge)>,
     ) -> bool {
-        let order = match edge {
+        let order = match by {
             None => true,
-            Some(edge) => {
-                there.0 == here.0 || (there.0 == here.0 + 1 && edge.kind != EdgeKind::Temporal)
+            Some((from, edge)) => {
+                let is_same_task = self.graph.node(from).task == self.graph.node(to).task;
+                match edge.kind {
+                    EdgeKind::Temporal => there.0 == here.0,
+                    EdgeKind::Learned if is_same_task => there.0 == here.0,
+                    EdgeKind::Learned | EdgeKind::CrossTask => there.0 == here.0 + 1,
+                }
             }
         };
         order && there.1 >= here.1 && (here.1..=self.replay(here.1, to)).contains(&there.1)
@@ -91,7 +97,7 @@ impl World {
             };
             for here in self.stages(a) {
                 for there in self.stages(b) {
-                    if self.may_go(here, b, there, Some(edge)) {
+                    if self.may_go(here, b, there, Some((a, edge))) {
                         let ends = (places[&(a, here.0)], places[&(b, there.0)]);
                         product.add_edge(ends.0, ends.1, price.cost);
                     }
@@ -224,6 +230,10 @@ proptest! {
                 prop_assert!(close(plain, reference));
                 if let Err(why) = goal {
                     prop_assert!(!why.advice.is_empty());
+                }
+                if let Ok(plan) = planner.plan_from_start() {
+                    let audit = planner.audit(&plan);
+                    prop_assert!(audit.is_clean(), "{audit}");
                 }
             }
         }

@@ -337,6 +337,27 @@ fn orders_that_end_with_the_final_task_are_explained_behind_many_that_do_not() {
 }
 
 #[test]
+fn orders_that_leave_optional_parts_out_are_marked_in_the_list() {
+    let planner = corridor_planner(Terms::default());
+    let [a, b] = ["a", "b"].map(|name| Order::Task(name.to_owned()));
+    let order = Order::InOrder(vec![Order::Optional(Box::new(a)), b]);
+    let orders = OrderAutomaton::new(&order).expect("it is small");
+    let explained = Explanation::new(&planner, &orders, &tasks(), None).expect("a way");
+    let listed = &explained.orders.listed;
+    let left_out = |is_chosen: bool| {
+        let mut listed = listed.iter().filter(|order| order.is_chosen == is_chosen);
+        listed.next().map(|order| order.left_out)
+    };
+    assert_eq!((left_out(true), left_out(false)), (Some(0), Some(1)));
+    let told = explained.orders.to_string();
+    assert_eq!(
+        told.matches("leaves out 1 optional part\n").count(),
+        1,
+        "{told}"
+    );
+}
+
+#[test]
 fn at_any_end_a_robot_has_arrived_where_all_ends_will_do() {
     let arrived = |end: FinalChoice| {
         let planner = corridor_planner(Terms {

@@ -23,6 +23,8 @@ pub(super) struct World {
     pub(super) rng: ChaCha8Rng,
 }
 
+/// With `repeat_task` the composition does one of its tasks a second time, it may be at once, and edges
+/// across tasks also join a task with itself, as those from its ends to its starts do.
 pub(super) fn random_world(seed: u64, repeat_task: bool) -> World {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let names = ["a", "b", "c"];
@@ -36,7 +38,7 @@ pub(super) fn random_world(seed: u64, repeat_task: bool) -> World {
             add_random_demonstration(&mut graph, task, trajectory, &mut rng);
         }
     }
-    add_random_edges(&mut graph, &mut rng);
+    add_random_edges(&mut graph, repeat_task, &mut rng);
     let mut order = tasks.clone();
     if repeat_task {
         order.push(tasks[rng.random_range(0..tasks.len())].clone());
@@ -79,14 +81,15 @@ fn add_random_demonstration(
     add_demonstration(graph, task, &id, &latents, &at);
 }
 
-fn add_random_edges(graph: &mut TopologicalGraph, rng: &mut ChaCha8Rng) {
+fn add_random_edges(graph: &mut TopologicalGraph, with_rounds: bool, rng: &mut ChaCha8Rng) {
     let nodes = graph.node_count() as u32;
     for _ in 0..rng.random_range(0..4 * nodes) {
         let (a, b) = (
             NodeId(rng.random_range(0..nodes)),
             NodeId(rng.random_range(0..nodes)),
         );
-        let kind = if graph.node(a).task == graph.node(b).task {
+        let is_round = with_rounds && rng.random_bool(0.3);
+        let kind = if graph.node(a).task == graph.node(b).task && !is_round {
             EdgeKind::Learned
         } else {
             EdgeKind::CrossTask
