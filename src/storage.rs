@@ -45,10 +45,10 @@ pub use build_folder::BuildFolder;
 pub use convert::{Conversion, PictureFormat, convert_to_lerobot, convert_to_mcap};
 pub use demonstrations::{demonstrations_digest, load_demonstrations, recording_files};
 pub use digest::sha256_file;
-pub use episode::{EpisodeWriter, RecordingMetadata, write_trajectory};
+pub use episode::{EpisodeWriter, PRACTICE_NOTE, RecordingMetadata, write_trajectory};
 pub use error::StorageError;
 pub use graph_folder::{
-    check_graph_files, check_graph_place, load_graph, load_manifest, save_graph,
+    check_graph_files, check_graph_place, check_same_tasks, load_graph, load_manifest, save_graph,
     save_graph_with_images,
 };
 pub use graph_images::{GraphImage, GraphImages};

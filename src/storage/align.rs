@@ -1,3 +1,7 @@
+use super::Loss;
+
+const NANOS_PER_MILLI: u64 = 1_000_000;
+
 /// Which image of each camera belongs to which action.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Alignment {
@@ -38,7 +42,7 @@ const FEWEST_IMAGES: usize = 6;
 
 /// How many images a camera left out by its own rate, and its longest gap in nanoseconds: where two images
 /// lie nearly two of its usual intervals or more apart. `times` are in nanoseconds and sorted.
-pub(super) fn missing_images(times: &[u64]) -> Option<(u64, u64)> {
+fn missing_images(times: &[u64]) -> Option<(u64, u64)> {
     const LONG_INTERVALS: f64 = 1.8;
     if times.len() < FEWEST_IMAGES {
         return None;
@@ -64,6 +68,34 @@ pub(super) struct MissingTail {
     pub nanos: u64,
     /// Whether it lasts so long that the camera does not show how the demonstration ends.
     pub is_long: bool,
+}
+
+impl MissingTail {
+    /// The camera, named by its topic, is told to have stopped if that lasts long.
+    pub fn stopped(&self, topic: &str) -> Option<Loss> {
+        self.is_long.then(|| Loss::CameraStopped {
+            topic: topic.to_owned(),
+            images: self.images,
+            millis: self.nanos / NANOS_PER_MILLI,
+        })
+    }
+}
+
+/// What a camera did not give: between its images, and after the last one. All times are in nanoseconds and
+/// sorted.
+pub(super) fn images_left_out(topic: &str, times: &[u64], step_times: &[u64]) -> Vec<Loss> {
+    let tail = missing_tail(times, step_times);
+    let short = tail.as_ref().filter(|tail| !tail.is_long);
+    let gaps = [missing_images(times), short.map(|t| (t.images, t.nanos))];
+    let together = |a: (u64, u64), b: (u64, u64)| (a.0.saturating_add(b.0), a.1.max(b.1));
+    let gaps = gaps.into_iter().flatten().reduce(together);
+    let gaps = gaps.map(|(images, nanos)| Loss::MissingImages {
+        topic: topic.to_owned(),
+        images,
+        longest_millis: nanos / NANOS_PER_MILLI,
+    });
+    let stopped = tail.and_then(|tail| tail.stopped(topic));
+    gaps.into_iter().chain(stopped).collect()
 }
 
 /// What is missing of a camera between its last image and the last step, if it waits longer there than cameras

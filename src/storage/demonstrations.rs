@@ -38,7 +38,7 @@ mod tests {
     use std::path::Path;
 
     use super::super::fixtures::trajectory;
-    use super::super::{RecordingMetadata, write_trajectory};
+    use super::super::{PRACTICE_NOTE, RecordingMetadata, write_trajectory};
     use super::*;
 
     fn write(folder: &Path, name: &str, steps: usize, success: Option<bool>) {
@@ -67,6 +67,26 @@ mod tests {
         let left_out: Vec<_> = reports.iter().map(|r| r.left_out.is_some()).collect();
         assert_eq!(left_out, [false, true, false, true]);
         assert!(reports[3].to_string().contains("steps may be missing"));
+    }
+
+    #[test]
+    fn practice_is_no_demonstration() {
+        let root = tempfile::tempdir().unwrap();
+        write(root.path(), "shown.mcap", 4, Some(true));
+        let mut metadata = RecordingMetadata::default();
+        let kind = "dry".to_owned();
+        metadata.notes.insert(PRACTICE_NOTE.to_owned(), kind);
+        write_trajectory(&root.path().join("dry.mcap"), &trajectory(5), &metadata).unwrap();
+        let recordings = Recordings::open(&[root.path().to_owned()], &ReadOptions::default());
+        let recordings = recordings.unwrap();
+        let (set, reports) = recordings.demonstrations("sock").unwrap();
+        assert_eq!(set.trajectories().len(), 1);
+        let reason = reports[0].left_out.clone().unwrap();
+        assert!(reason.contains("practice (dry)"), "{reason}");
+        let looked = recordings.inspect().remove(0).unwrap();
+        assert_eq!(looked.left_out, Some(reason));
+        let (set, _) = recordings.practice("sock").unwrap();
+        assert_eq!(set.trajectories().len(), 2, "all of it may be practised on");
     }
 
     #[test]

@@ -30,6 +30,9 @@ pub(super) mod keys {
     pub const SUCCESS: &str = "success";
 }
 
+/// Note in the metadata of practice with the gripper, which is no demonstration: which kind it is.
+pub const PRACTICE_NOTE: &str = "practice";
+
 const JPEG_QUALITY: u8 = 92;
 const CHUNK_BYTES: u64 = 1 << 20;
 

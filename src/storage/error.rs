@@ -204,6 +204,19 @@ pub enum StorageError {
         /// What is there.
         what: String,
     },
+    /// The graph that another one would replace is of other tasks.
+    #[error(
+        "{path} holds the graph of {found}, and that of {wanted} would replace it: name another folder, or remove this one",
+        path = path.display()
+    )]
+    OtherTasks {
+        /// The place.
+        path: PathBuf,
+        /// The tasks of the graph that is there.
+        found: String,
+        /// Those of the graph that was to be saved there.
+        wanted: String,
+    },
     /// What the beginnings of a graph would replace is none.
     #[error(
         "{path} {what}, and what is done of a graph is kept there until it is built: move that elsewhere, or build the \

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::align::{Alignment, align};
+use super::align::{Alignment, align, missing_tail};
 use super::decode::decode_image;
 use super::layout::CameraTopic;
 use super::scan::seconds_between;
@@ -76,14 +76,8 @@ impl<'a> Film<'a> {
         }
     }
 
-    /// A film of images that are decoded and sized already; `missing` says why others are not there.
-    pub fn of_images(
-        camera: &str,
-        topic: &str,
-        view: &'a View,
-        images: Vec<(u64, Image)>,
-        missing: Vec<String>,
-    ) -> Self {
+    /// A film of images that are decoded and sized already.
+    pub fn of_images(camera: &str, topic: &str, view: &'a View, images: Vec<(u64, Image)>) -> Self {
         let recorded_size = images
             .first()
             .map_or((0, 0), |(_, i)| (i.height(), i.width()));
@@ -102,8 +96,21 @@ impl<'a> Film<'a> {
             view,
             recorded_size,
             frames: images.into_iter().map(frame).collect(),
-            undecodable: missing,
+            undecodable: Vec::new(),
         }
+    }
+
+    /// The film where other images should have been; `reasons` says why each of them is not there.
+    pub fn lacking(mut self, reasons: Vec<String>) -> Self {
+        self.undecodable = reasons;
+        self
+    }
+
+    /// Whether the camera gives no image any more long before the last step. Times are in nanoseconds and
+    /// sorted.
+    pub fn stopped(&self, step_times: &[u64]) -> Option<Loss> {
+        let times: Vec<u64> = self.frames.iter().map(|f| f.nanos).collect();
+        missing_tail(&times, step_times)?.stopped(&self.topic)
     }
 
     /// Aligns the films with the actions and decodes what the steps need; an image that cannot be

@@ -1,5 +1,6 @@
 //! Graphs as folders: two tables, optional pictures, and a manifest.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::graph_images::{self, GraphImage};
@@ -8,6 +9,7 @@ use super::replace::{replace_folder, settle_folder};
 use super::tables::{self, ADVICE, EdgeReader, EdgeWriter};
 use super::{GraphManifest, StorageError, manifest};
 use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph};
+use crate::task::Task;
 
 /// The table of nodes.
 const NODES: &str = "nodes.parquet";
@@ -36,6 +38,27 @@ pub fn check_graph_place(folder: &Path) -> Result<(), StorageError> {
         Some(what) => refused(what),
         None => Ok(()),
     }
+}
+
+/// Checks that a place holds no graph of other tasks, which would be lost.
+///
+/// # Errors
+/// [`StorageError::OtherTasks`].
+pub fn check_same_tasks(folder: &Path, tasks: &[Task]) -> Result<(), StorageError> {
+    let Ok(there) = load_manifest(folder) else {
+        return Ok(());
+    };
+    let found: BTreeSet<&str> = there.tasks.iter().map(|t| t.name.as_str()).collect();
+    let wanted: BTreeSet<&str> = tasks.iter().map(|t| t.name.as_str()).collect();
+    if found == wanted {
+        return Ok(());
+    }
+    let joined = |names: BTreeSet<&str>| names.into_iter().collect::<Vec<_>>().join(", ");
+    Err(StorageError::OtherTasks {
+        path: folder.to_owned(),
+        found: joined(found),
+        wanted: joined(wanted),
+    })
 }
 
 /// Saves a graph as a folder, whole or not at all; a graph that is there is replaced.

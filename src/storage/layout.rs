@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::action_message::{ActionFormat, ActionMessage, action, action_space};
-use super::align::{align, missing_images, missing_tail};
+use super::align::{align, images_left_out};
 use super::decode::decode_image;
 use super::episode::{HEADER_RECORD, keys};
 use super::scan::{Scan, TopicScan};
@@ -229,7 +229,7 @@ impl<'a> Layout<'a> {
             .clone()
             .chain(self.actions.as_ref().map(|a| a.scan))
             .filter_map(TopicScan::disorder);
-        let gaps = scans.flat_map(|scan| images_left_out(scan, step_times));
+        let gaps = scans.flat_map(|s| images_left_out(&s.channel.topic, &s.times(), step_times));
         disorder.chain(gaps).collect()
     }
 
@@ -301,29 +301,6 @@ impl ActionTopic<'_> {
             })
             .collect()
     }
-}
-
-/// What a camera did not give: between its images, and after the last one.
-fn images_left_out(scan: &TopicScan, step_times: &[u64]) -> Vec<Loss> {
-    const NANOS_PER_MILLI: u64 = 1_000_000;
-    let times = scan.times();
-    let tail = missing_tail(&times, step_times);
-    let short = tail.as_ref().filter(|tail| !tail.is_long);
-    let gaps = [missing_images(&times), short.map(|t| (t.images, t.nanos))];
-    let together = |a: (u64, u64), b: (u64, u64)| (a.0.saturating_add(b.0), a.1.max(b.1));
-    let gaps = gaps.into_iter().flatten().reduce(together);
-    let gaps = gaps.map(|(images, nanos)| Loss::MissingImages {
-        topic: scan.channel.topic.clone(),
-        images,
-        longest_millis: nanos / NANOS_PER_MILLI,
-    });
-    let stopped = tail.filter(|tail| tail.is_long);
-    let stopped = stopped.map(|tail| Loss::CameraStopped {
-        topic: scan.channel.topic.clone(),
-        images: tail.images,
-        millis: tail.nanos / NANOS_PER_MILLI,
-    });
-    gaps.into_iter().chain(stopped).collect()
 }
 
 /// The action space that a recording of ours declares in its metadata.

@@ -118,6 +118,19 @@ impl Mapping {
         Ok(())
     }
 
+    /// Refuses a recording that lacks a camera of which the file names the size.
+    pub fn check_sizes(&self, recording: &Path, cameras: &[&str]) -> Result<(), StorageError> {
+        let mut sizes = self.spec.image_sizes.iter().flatten();
+        let Some((name, size)) = sizes.find(|(name, _)| !cameras.contains(&name.as_str())) else {
+            return Ok(());
+        };
+        let message = format!(
+            "image_sizes names '{name}', and {} has no such camera",
+            recording.display()
+        );
+        Err(self.fault(size, message, suggestion("camera", name, cameras)))
+    }
+
     /// Refuses a rate that the actions of a recording do not have.
     pub fn check_rate(&self, recording: &Path, actual_hz: f64) -> Result<(), StorageError> {
         // Clocks jitter.

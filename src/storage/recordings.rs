@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::digest::hexadecimal;
-use super::episode::keys;
+use super::episode::{PRACTICE_NOTE, keys};
 use super::lerobot::{self, Dataset, inspect_episode, read_episode};
 use super::mapping::{Mapping, is_mapping};
 use super::recording::{inspect_mcap, read_mcap};
@@ -58,6 +58,7 @@ impl Source {
             Container::Mcap => read_mcap(&self.place, &self.view),
             Container::Episode { dataset, number } => read_episode(dataset, *number, &self.view),
         }?;
+        self.check_cameras(&recording.report)?;
         if let Some(task) = &self.task_by_mapping {
             recording.trajectory.task.clone_from(task);
             recording.report.task.clone_from(task);
@@ -70,10 +71,21 @@ impl Source {
             Container::Mcap => inspect_mcap(&self.place, &self.view),
             Container::Episode { dataset, number } => inspect_episode(dataset, *number, &self.view),
         }?;
+        self.check_cameras(&report)?;
+        report.left_out = why_left_out(&report);
         if let Some(task) = &self.task_by_mapping {
             report.task.clone_from(task);
         }
         Ok(report)
+    }
+
+    /// Refuses a mapping file that gives a size to a camera that is not there.
+    fn check_cameras(&self, report: &RecordingReport) -> Result<(), StorageError> {
+        let Some(mapping) = &self.view.mapping else {
+            return Ok(());
+        };
+        let cameras = report.cameras.iter().map(|c| c.spec.name.as_str());
+        mapping.check_sizes(&self.place, &cameras.collect::<Vec<_>>())
     }
 
     /// Files by their paths, episodes by their dataset and number.
@@ -248,9 +260,9 @@ impl Recordings {
     /// Where datasets tell of several tasks, those are taken that have this name or the one that
     /// [`tasks`](Self::tasks) gives them. The trajectories carry the name `task`, whatever the files call it.
     /// Their ids are the files' stems, with the folder before them where stems repeat. Left out, and
-    /// marked so in their reports, are recordings that say that they failed, and damaged ones: where
-    /// steps are missing, neighbours need not follow each other and the last step need not be the end of
-    /// the task.
+    /// marked so in their reports, are recordings that say that they failed or are practice, and damaged ones:
+    /// where steps are missing, neighbours need not follow each other and the last step need not be the end
+    /// of the task.
     ///
     /// # Errors
     /// [`StorageError`] of the first recording in order that cannot be read; [`StorageError::NoSuchTask`];
@@ -259,6 +271,28 @@ impl Recordings {
     pub fn demonstrations(
         &self,
         task: &str,
+    ) -> Result<(DemonstrationSet, Vec<RecordingReport>), StorageError> {
+        self.whole(task, why_left_out)
+    }
+
+    /// Reads practice with the gripper at one task, as [`demonstrations`](Self::demonstrations) reads those, but
+    /// for what says that it is practice.
+    ///
+    /// # Errors
+    /// Those of [`demonstrations`](Self::demonstrations).
+    pub fn practice(
+        &self,
+        task: &str,
+    ) -> Result<(DemonstrationSet, Vec<RecordingReport>), StorageError> {
+        self.whole(task, |report| {
+            why_failed(report).or_else(|| why_damaged(report))
+        })
+    }
+
+    fn whole(
+        &self,
+        task: &str,
+        why_left_out: impl Fn(&RecordingReport) -> Option<String>,
     ) -> Result<(DemonstrationSet, Vec<RecordingReport>), StorageError> {
         let sources = self.of_task(task)?;
         let read: Vec<Result<Recording, StorageError>> =
@@ -368,14 +402,21 @@ pub(super) fn slug(text: &str) -> String {
 }
 
 fn why_left_out(report: &RecordingReport) -> Option<String> {
-    if report
-        .metadata
-        .get(keys::SUCCESS)
-        .is_some_and(|s| s == "false")
-    {
-        return Some("its metadata says that the task was not done".to_owned());
-    }
-    why_damaged(report)
+    why_failed(report)
+        .or_else(|| why_practice(report))
+        .or_else(|| why_damaged(report))
+}
+
+fn why_failed(report: &RecordingReport) -> Option<String> {
+    let has_failed = report.metadata.get(keys::SUCCESS)? == "false";
+    has_failed.then(|| "its metadata says that the task was not done".to_owned())
+}
+
+fn why_practice(report: &RecordingReport) -> Option<String> {
+    let kind = report.metadata.get(PRACTICE_NOTE)?;
+    Some(format!(
+        "it is practice ({kind}) and no demonstration, `catena train --practice` takes it"
+    ))
 }
 
 fn why_damaged(report: &RecordingReport) -> Option<String> {

@@ -159,3 +159,24 @@ fn nothing_but_a_graph_is_replaced() {
     fs::create_dir(&empty).unwrap();
     check_graph_place(&empty).unwrap();
 }
+
+#[test]
+fn a_graph_of_other_tasks_is_not_replaced() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = root.path().join("graph");
+    let task = |name: &str| Task {
+        name: name.to_owned(),
+        subgoals: Vec::new(),
+    };
+    check_same_tasks(&folder, &[task("trash")]).unwrap();
+    save_graph(&folder, &graph(), &manifest()).unwrap();
+    check_same_tasks(&folder, &[task("sock")]).unwrap();
+    for wanted in [vec![task("trash")], vec![task("trash"), task("sock")]] {
+        let refused = check_same_tasks(&folder, &wanted).unwrap_err().to_string();
+        assert!(
+            refused.contains("holds the graph of sock, and that of"),
+            "{refused}"
+        );
+        assert!(refused.contains("trash would replace it"), "{refused}");
+    }
+}

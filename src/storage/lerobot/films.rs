@@ -94,14 +94,13 @@ impl Frames<'_> {
                 reasons: format!("column '{}': {reason}", camera.key),
             });
         };
+        let rows = pictures.iter().zip(wanted).enumerate();
+        let lacking = rows.filter(|(_, (picture, wanted))| **wanted && **picture == Picture::None);
+        let lacking = lacking.map(|(row, _)| format!("row {row} of the episode holds no image"));
         let packing = (ImageFormat::File, size);
-        Ok(Film::of_messages(
-            &camera.name,
-            camera.key,
-            packing,
-            view,
-            given.into_iter(),
-        ))
+        let images = given.into_iter();
+        let film = Film::of_messages(&camera.name, camera.key, packing, view, images);
+        Ok(film.lacking(lacking.collect()))
     }
 
     fn video_film<'f>(
@@ -137,12 +136,6 @@ impl Frames<'_> {
         })?;
         let missing = numbers.len() - images.len();
         let missing = why.map_or_else(Vec::new, |why| vec![why; missing]);
-        Ok(Film::of_images(
-            &camera.name,
-            camera.key,
-            view,
-            images,
-            missing,
-        ))
+        Ok(Film::of_images(&camera.name, camera.key, view, images).lacking(missing))
     }
 }

@@ -26,6 +26,8 @@ pub(in crate::storage) fn read_episode(
     for camera in &cameras {
         films.push(frames.film(camera, images.get(camera.key), &wanted, view)?);
     }
+    let stopped = films.iter().filter_map(|film| film.stopped(&chosen));
+    report.losses.extend(stopped);
     let all = steps.trajectory_steps(&frames.path, &frames.actions, films, &mut report)?;
     let kept = &chosen[chosen.len() - all.len()..];
     let trajectory = Trajectory {
@@ -59,7 +61,7 @@ impl Frames<'_> {
         })
     }
 
-    /// The rows whose images are needed, and for each camera that lacks one of them the rows before.
+    /// The rows whose images are needed.
     fn wanted_rows(&self, steps: &Steps) -> Vec<bool> {
         let mut wanted = vec![false; self.times.len()];
         for row in &steps.chosen {

@@ -2,6 +2,11 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use arrow::array::{Array, AsArray, BinaryArray, StringArray, StructArray};
+use arrow::record_batch::RecordBatch;
+use parquet::arrow::ArrowWriter;
+use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+
 use super::*;
 use crate::storage::fixtures::trajectory;
 use crate::storage::{
@@ -339,4 +344,68 @@ fn missing_frames_leave_an_episode_out() {
     let recording = &all(&two)[0];
     assert_eq!(recording.report.losses, [Loss::MissingFrames { frames: 2 }]);
     assert!(recording.report.left_out.is_some());
+}
+
+/// Takes the images of some rows out of a table of frames.
+fn forget_images(table: &Path, key: &str, is_forgotten: impl Fn(usize) -> bool) {
+    let file = fs::File::open(table).unwrap();
+    let rows = ParquetRecordBatchReaderBuilder::try_new(file).unwrap();
+    let batch = rows.build().unwrap().next().unwrap().unwrap();
+    let place = batch.schema().index_of(key).unwrap();
+    let mut columns = batch.columns().to_vec();
+    let pictures = columns[place].as_struct();
+    let kept = |row: usize| !is_forgotten(row);
+    let (bytes, paths) = (pictures.column(0).as_binary::<i32>(), pictures.column(1));
+    let paths = paths.as_string::<i32>();
+    let rows = 0..pictures.len();
+    let bytes: BinaryArray = rows
+        .clone()
+        .map(|row| kept(row).then(|| bytes.value(row)))
+        .collect();
+    let paths: StringArray = rows
+        .map(|row| kept(row).then(|| paths.value(row)))
+        .collect();
+    let arrays: Vec<Arc<dyn Array>> = vec![Arc::new(bytes), Arc::new(paths)];
+    columns[place] = Arc::new(StructArray::new(pictures.fields().clone(), arrays, None));
+    let changed = RecordBatch::try_new(batch.schema(), columns).unwrap();
+    let out = fs::File::create(table).unwrap();
+    let mut writer = ArrowWriter::try_new(out, changed.schema(), None).unwrap();
+    writer.write(&changed).unwrap();
+    writer.close().unwrap();
+}
+
+#[test]
+fn rows_without_an_image_are_told_and_a_camera_that_stops_leaves_the_episode_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let (demos, dataset) = (folder.path().join("demos"), folder.path().join("dataset"));
+    let metadata = RecordingMetadata::default();
+    write_trajectory(&demos.join("a.mcap"), &trajectory(40), &metadata).unwrap();
+    convert_to_lerobot(&open(&demos), &dataset, PictureFormat::Png).unwrap();
+    let table = dataset.join("data/chunk-000/file-000.parquet");
+    let key = "observation.images.wrist";
+    forget_images(&table, key, |row| row == 7);
+    let told = |images, reason: &str| Loss::UndecodableImages {
+        topic: key.to_owned(),
+        images,
+        reason: reason.to_owned(),
+    };
+    let once = all(&dataset).remove(0);
+    assert_eq!(
+        once.report.losses,
+        [told(1, "row 7 of the episode holds no image")]
+    );
+    assert!(once.report.left_out.is_none());
+    let steps = &once.trajectory.steps;
+    let seen = |step: usize| steps[step].observation.image("wrist");
+    assert_eq!(seen(7), seen(6), "the image before stands in");
+    forget_images(&table, key, |row| row == 7 || row >= 20);
+    let stopped = all(&dataset).remove(0).report;
+    assert!(
+        stopped
+            .losses
+            .contains(&told(21, "row 7 of the episode holds no image"))
+    );
+    let is_stop = |loss: &Loss| matches!(loss, Loss::CameraStopped { images: 20, .. });
+    assert!(stopped.losses.iter().any(is_stop), "{:?}", stopped.losses);
+    assert!(stopped.left_out.is_some());
 }

@@ -97,6 +97,9 @@ pub(super) const CASES: &[Case] = &[
             "topics: {cameras: {head: /camera/head/image_raw/compressed}}\nimage_sizes: {haed: {height: 9, width: 9}}",
         )
     }),
+    ("mapping: size of a camera that no topic gives", |f| {
+        mapping(f, "image_sizes: {haed: {height: 9, width: 9}}")
+    }),
     ("mapping: 0 bins", |f| mapping(f, "actions: {bins: 0}")),
     ("mapping: a billion bins", |f| {
         mapping(f, "actions: {dimensions: {x: {bins: 1000000000}}}")
