@@ -6,6 +6,7 @@ mod baseline;
 mod bench;
 mod compose;
 mod convert;
+mod demonstrations;
 mod demos;
 mod error;
 mod evaluate;
@@ -15,6 +16,7 @@ mod graph;
 mod kept;
 mod loaded;
 mod localise;
+mod merging;
 mod progress;
 mod record;
 mod resume;
@@ -26,6 +28,7 @@ mod simulate;
 mod train;
 mod training_config;
 mod trust;
+mod worlds;
 
 use std::process::ExitCode;
 

@@ -7,6 +7,9 @@
 //! and the specs ([`TaskSpec`], [`CompositionSpec`]: as written) are read off that tree. Only sound
 //! specs become a [`ResolvedTask`] and a [`Composition`].
 //!
+//! Of simulated worlds only the callers know what can be set in them: [`compose_named_knowing`] takes it as data
+//! ([`KnownWorld`]), so that what does not fit is told with all other faults.
+//!
 //! Paths in files are relative to the project's root, the folder that holds `tasks/`; task `NAME` is
 //! `tasks/NAME.yaml`.
 //!
@@ -29,10 +32,12 @@ mod resolved_task;
 mod source;
 mod spec_check;
 mod task_spec;
+mod way_out;
+mod world;
 mod yaml;
 
 pub use builder::CompositionBuilder;
-pub use compose::{compose, compose_named, compose_source, task_names};
+pub use compose::{compose, compose_named, compose_named_knowing, compose_source, task_names};
 pub use composition::Composition;
 pub use composition_spec::{Calibration, CompositionSpec, Limits, OnShortcut, StartSpec};
 pub use diagnostic::{Diagnostic, SecondPlace, Severity};
@@ -42,3 +47,4 @@ pub use region_spec::RegionSpec;
 pub use resolved_task::{ResolvedTask, load_task};
 pub use source::{Located, Origin, Place, Source};
 pub use task_spec::{FoundBy, SubgoalSpec, TaskSpec};
+pub use world::{KnownWorld, Setting, SettingKind};

@@ -13,6 +13,7 @@ pub mod layout;
 mod operator;
 mod palette;
 mod primitive;
+mod ranges;
 pub mod render;
 mod robot;
 mod truth;
@@ -26,6 +27,7 @@ pub use operator::{
 };
 pub use primitive::Primitive;
 pub(crate) use primitive::{DRIVE_STEP_M, TOOL_STEP_M, TURN_STEP_RAD, WRIST_STEP_RAD};
+pub use ranges::VariationError;
 pub use robot::{HEAD_FOV_RAD, HOME, WRIST_FOV_RAD};
 pub use truth::{Insight, Truth};
 pub use variation::{BedroomTask, Leftovers, Level, Variation};

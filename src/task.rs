@@ -4,6 +4,7 @@ mod automaton;
 mod detection;
 mod error;
 mod gripper;
+mod optional_parts;
 mod order;
 mod order_automaton;
 mod order_walk;

@@ -76,7 +76,8 @@ pub enum Command {
 pub enum LevelArgument {
     /// One real room, objects put back by hand.
     Paper,
-    /// Twice the poses; textures, colours and clutter drawn anew.
+    /// Twice the starts and the light, objects as far off as they have room; textures, colours and clutter
+    /// drawn anew.
     Hard,
 }
 

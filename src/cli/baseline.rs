@@ -2,18 +2,20 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::arguments::{Arguments, EvaluateArguments, MethodArgument, TrainArguments};
+use super::demonstrations::read_demonstrations;
 use super::error::CliError;
 use super::evaluate::episodes;
-use super::loaded::{bedroom, read_demonstrations};
+use super::loaded::bedroom_at;
 use super::progress;
 use super::train::{CHECKPOINT, Prepared, Printer, prepared};
 use super::training_config::{baseline_config, write_run};
-use crate::composer::{ResolvedTask, compose_named};
+use super::worlds::composed;
+use crate::composer::ResolvedTask;
 use crate::experiment::{EpisodeResult, Evaluation, ScoredBedroom};
 use crate::inference::{Baseline, FrozenEncoder};
 use crate::model::{BaselineMethod, BaselineSpec, FeatureEncoder, ReactivePolicy};
 use crate::rollout::{ReactiveRollout, RolloutOptions};
-use crate::simulator::{Bedroom, BedroomConfig};
+use crate::simulator::Bedroom;
 use crate::storage::{ReadOptions, Recordings};
 use crate::training::{TrainingError, export_baseline, train_baseline};
 use crate::trajectory::{State, TrajectoryError};
@@ -109,7 +111,7 @@ pub(super) fn baseline_evaluation(
     evaluate_arguments: &EvaluateArguments,
     arguments: &Arguments,
 ) -> Result<Evaluation, CliError> {
-    let composition = compose_named(task, &arguments.root)?;
+    let composition = composed(task, &arguments.root)?;
     let [only] = &composition.tasks[..] else {
         return Err(CliError::PolicyOfOneTask {
             composition: composition.name.clone(),
@@ -118,10 +120,7 @@ pub(super) fn baseline_evaluation(
     };
     let baseline = Baseline::load(policy, arguments.engine.into())?;
     let goal = goal_state(only, baseline.spec())?;
-    let room = BedroomConfig {
-        level: evaluate_arguments.level.into(),
-        ..bedroom(&composition)?
-    };
+    let room = bedroom_at(&composition, evaluate_arguments.level.into())?;
     let options = RolloutOptions {
         max_steps: composition.limits.steps as usize,
         ..RolloutOptions::default()

@@ -5,9 +5,10 @@ use serde::Serialize;
 use super::arguments::{Arguments, ComposeArguments};
 use super::error::CliError;
 use super::graph::results_folder;
-use super::loaded::Loaded;
+use super::loaded::{Loaded, tell_warnings};
 use crate::graph::{EdgeKind, TopologicalGraph};
 use crate::planner::{Audit, Explanation, Plan, Planner};
+use crate::task::OrderAutomaton;
 use crate::view::write_automaton_svg;
 use crate::wording::counted;
 
@@ -115,23 +116,10 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
         report.final_state
     );
     if report.orders > 1 {
-        let left_out: Vec<&str> = loaded
-            .composition
-            .other_tasks
-            .iter()
-            .map(|t| t.task.name.as_str())
-            .collect();
-        let _ = writeln!(
-            text,
-            "order: {}, the cheapest of {}{}",
-            report.tasks.join(", "),
-            report.orders,
-            if left_out.is_empty() {
-                String::new()
-            } else {
-                format!("; not done: {}", left_out.join(", "))
-            }
-        );
+        let others = loaded.composition.other_tasks.iter();
+        let not_done: Vec<&str> = others.map(|t| t.task.name.as_str()).collect();
+        let order = described_order(&report.tasks, &loaded.composition.orders, &not_done);
+        let _ = writeln!(text, "{order}");
     }
     let mut task = "";
     let route = &planned.plan.route;
@@ -191,12 +179,29 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
     text
 }
 
+/// An order of several, and by what it was chosen.
+fn described_order(tasks: &[String], orders: &OrderAutomaton, not_done: &[&str]) -> String {
+    let ways = orders.way_count();
+    let chosen = if orders.has_optional_parts() {
+        format!(": of {ways}, the cheapest of those that leave the fewest optional parts out")
+    } else {
+        format!(", the cheapest of {ways}")
+    };
+    let not_done = if not_done.is_empty() {
+        String::new()
+    } else {
+        format!("; not done: {}", not_done.join(", "))
+    };
+    format!("order: {}{chosen}{not_done}", tasks.join(", "))
+}
+
 /// `catena compose`
 pub(super) fn compose(
     compose_arguments: &ComposeArguments,
     arguments: &Arguments,
 ) -> Result<(), CliError> {
     let loaded = Loaded::load(&compose_arguments.file.to_string_lossy(), arguments)?;
+    tell_warnings(&loaded.composition);
     let mut planned = plan(&loaded)?;
     let mut picture = None;
     if compose_arguments.explain {
@@ -233,4 +238,34 @@ fn explain(loaded: &Loaded, planner: &Planner) -> Result<Explanation, CliError> 
     let tasks = composition.planned_tasks();
     let final_task = composition.final_task();
     Explanation::new(planner, &composition.orders, &tasks, final_task).map_err(CliError::NoPath)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::task::Order;
+
+    #[test]
+    fn an_order_is_the_cheapest_of_all_only_where_nothing_is_optional() {
+        let task = |name: &str| Order::Task(name.to_owned());
+        let told = |last: Order, not_done: &[&str]| {
+            let order = Order::InOrder(vec![
+                task("sock"),
+                Order::AnyOrder(vec![task("trash"), last]),
+            ]);
+            let orders = OrderAutomaton::new(&order).expect("it is small");
+            let done = ["sock", "trash", "wine"].map(str::to_owned);
+            described_order(&done, &orders, not_done)
+        };
+        assert_eq!(
+            told(task("wine"), &[]),
+            "order: sock, trash, wine, the cheapest of 2"
+        );
+        let optional = Order::Optional(Box::new(task("wine")));
+        assert_eq!(
+            told(optional, &["dust"]),
+            "order: sock, trash, wine: of 4, the cheapest of those that leave the fewest optional \
+             parts out; not done: dust"
+        );
+    }
 }

@@ -1,6 +1,6 @@
 use super::arguments::{ConvertArguments, FormatArgument, PicturesArgument};
+use super::demonstrations::read_options;
 use super::error::CliError;
-use super::loaded::read_options;
 use crate::storage::{PictureFormat, Recordings, convert_to_lerobot, convert_to_mcap};
 use crate::wording::counted;
 

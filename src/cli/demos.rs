@@ -1,6 +1,6 @@
 use super::arguments::DemosArguments;
+use super::demonstrations::read_options;
 use super::error::CliError;
-use super::loaded::read_options;
 use crate::storage::Recordings;
 
 /// `catena demos`: what is in recordings, one block each; those that cannot be read are named, and

@@ -1,5 +1,5 @@
 use std::io::IsTerminal;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
@@ -405,15 +405,13 @@ pub(super) enum CliError {
         /// The recording.
         recording: PathBuf,
     },
-    /// A composition without a simulated world that is known here.
+    /// A composition without a simulated world.
     #[error(
-        "'{composition}' names the world {found}; write 'environment: {{bedroom: {{start: sock}}}}' to run it in the simulated bedroom"
+        "'{composition}' names no world; write 'environment: {{bedroom: {{start: sock}}}}' to run it in the simulated bedroom"
     )]
-    UnknownWorld {
+    NoWorld {
         /// The composition.
         composition: String,
-        /// What it names.
-        found: String,
     },
     /// The process that measures one engine cannot be started.
     #[error("cannot start another catena to measure the other engine: {0}; name one with --engine")]
@@ -421,7 +419,7 @@ pub(super) enum CliError {
     /// The process that measures one engine failed, and has said why.
     #[error("the measurement with the embedded engine failed; its own message stands above")]
     ChildFailed,
-    /// A folder of the results cannot be made.
+    /// The system refuses to read or write a file or folder.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file or folder.
@@ -452,6 +450,15 @@ impl From<ScoreError<StorageError>> for CliError {
 }
 
 impl CliError {
+    /// The error of what the system refuses to do with a file or folder.
+    pub(super) fn io(path: &Path) -> impl Fn(std::io::Error) -> Self + use<> {
+        let path = path.to_owned();
+        move |source| Self::Io {
+            path: path.clone(),
+            source,
+        }
+    }
+
     /// What is printed: faults of YAML files with their lines, everything else as one line with its
     /// causes.
     pub(super) fn report(&self) -> String {

@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use super::arguments::{Arguments, EvaluateArguments, PlannerArgument};
 use super::baseline::baseline_evaluation;
 use super::error::CliError;
-use super::loaded::Loaded;
+use super::loaded::{Loaded, bedroom_at};
 use super::{progress, shortcuts};
 use crate::experiment::{EpisodeResult, Evaluation, ScoredBedroom};
 use crate::planner::PlannerOptions;
@@ -71,10 +71,7 @@ pub(super) fn bedroom(
     loaded: &Loaded,
     evaluate_arguments: &EvaluateArguments,
 ) -> Result<BedroomConfig, CliError> {
-    Ok(BedroomConfig {
-        level: evaluate_arguments.level.into(),
-        ..loaded.bedroom()?
-    })
+    bedroom_at(&loaded.composition, evaluate_arguments.level.into())
 }
 
 /// Runs as many episodes as are asked for, each on a seed of its own, side by side on all cores with a

@@ -1,8 +1,10 @@
 //! `catena experiment`: tables and figures, finished cells kept as files.
 
 mod chaining;
+mod commands;
 mod figure5;
 mod figure6;
+mod ingredients;
 mod method;
 mod plan;
 mod rates;

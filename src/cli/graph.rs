@@ -6,13 +6,12 @@ use serde::Serialize;
 use super::arguments::{
     Arguments, GraphBuildArguments, GraphCommand, GraphMergeArguments, GraphShowArguments,
 };
+use super::demonstrations::{in_model_space, read_demonstrations, read_options};
 use super::error::CliError;
 use super::gaps::gaps;
-use super::loaded::{
-    GraphFolders, in_folder, in_model_space, merge_options, read_demonstrations, read_options,
-    show as show_progress,
-};
+use super::loaded::{GraphFolders, in_folder};
 use super::localise::localise;
+use super::merging::{merge_options, show_progress};
 use super::progress;
 use super::trust::trust;
 use crate::composer::load_task;
@@ -24,7 +23,7 @@ use crate::inference::Model;
 use crate::planner::{SuspectEdge, suspects};
 use crate::storage::{
     BuildFolder, GraphImage, GraphManifest, Recordings, check_graph_files, check_graph_place,
-    load_graph, load_manifest, save_graph,
+    check_same_tasks, load_graph, load_manifest, save_graph,
 };
 use crate::task::{Subgoal, Task, locate_subgoals};
 use crate::trajectory::DemonstrationSet;
@@ -100,6 +99,7 @@ fn build_graph(
         return Ok(());
     }
     check_graph_place(&out)?;
+    check_same_tasks(&out, std::slice::from_ref(&task.task))?;
     let mut folder = BuildFolder::open(&out, &manifest, options.part_pairs)?;
     let (set, _) = read_demonstrations(&recordings, &task.task.name)?;
     let set = in_model_space(&set, &model)?;
@@ -229,12 +229,13 @@ fn merge_graphs(
     }
     let model = Model::load(&merge_arguments.model, arguments.engine.into())?;
     let folders = GraphFolders::load(&merge_arguments.graphs, &model)?;
+    let tasks: Vec<Task> = folders.manifests.iter().flat_map(tasks_of).collect();
+    check_same_tasks(out, &tasks)?;
     let graphs: Vec<&TopologicalGraph> = folders.graphs.iter().collect();
     let options = merge_options();
     let bar = progress::bar("merging", 0);
     let merged = merge(&graphs, &[], &model, &options, &|p| show_progress(&bar, p))?;
     bar.finish_and_clear();
-    let tasks: Vec<Task> = folders.manifests.iter().flat_map(tasks_of).collect();
     let digests: Vec<&str> = folders
         .manifests
         .iter()

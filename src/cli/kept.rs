@@ -16,10 +16,7 @@ use crate::storage::write_file;
 pub(super) fn kept<T: DeserializeOwned>(file: &Path) -> Result<Option<T>, CliError> {
     let text = match fs::read(file) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-        text => text.map_err(|source| CliError::Io {
-            path: file.to_owned(),
-            source,
-        })?,
+        text => text.map_err(CliError::io(file))?,
     };
     match serde_json::from_slice(&text) {
         Ok(kept) => Ok(Some(kept)),

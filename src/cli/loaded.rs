@@ -1,30 +1,22 @@
+//! Models, graphs and compositions as commands load them.
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use indicatif::ProgressBar;
-
-use super::arguments::{Arguments, EngineArgument, ReadArguments};
+use super::arguments::{Arguments, EngineArgument};
 use super::error::CliError;
+use super::merging::merge_all;
 use super::progress;
-use crate::composer::{Calibration, Composition, ResolvedTask, compose_named};
-use crate::graph::{
-    CrossTaskCandidates, GraphProgress, MergeOptions, MergeReport, TopologicalGraph, merge,
-};
+use super::worlds::{BEDROOM, composed};
+use crate::composer::{Calibration, Composition, EnvironmentConfig, ResolvedTask};
+use crate::graph::{MergeReport, TopologicalGraph};
 use crate::inference::{EngineChoice, Model};
 use crate::planner::{Plan, Planner, PlannerOptions, Terms};
 use crate::rollout::{RolloutModel, RolloutOptions};
-use crate::simulator::BedroomConfig;
+use crate::simulator::{BedroomConfig, Level};
 use crate::storage::{
-    GraphImages, GraphManifest, GraphTask, ReadOptions, RecordingReport, Recordings,
-    ensure_same_model, load_graph, sha256_file,
+    GraphImages, GraphManifest, GraphTask, ensure_same_model, load_graph, sha256_file,
 };
-use crate::trajectory::{ActionSpace, DemonstrationSet};
-
-/// How far from the end of one task and the start of the next cross-task edges are looked for.
-const SEAM_WINDOW_STEPS: u32 = 10;
-/// Pairs elsewhere that are scored too, each two tasks and direction, so that the audit of the paper's
-/// plan meets the wormholes that are there.
-const SAMPLED_PAIRS: u32 = 100_000;
 
 impl From<EngineArgument> for EngineChoice {
     fn from(argument: EngineArgument) -> Self {
@@ -33,18 +25,6 @@ impl From<EngineArgument> for EngineChoice {
             EngineArgument::Native => Self::Native,
             EngineArgument::Embedded => Self::Tract,
         }
-    }
-}
-
-/// How graphs are merged on the command line.
-pub(super) fn merge_options() -> MergeOptions {
-    MergeOptions {
-        candidates: CrossTaskCandidates::SeamAndSample {
-            window_steps: SEAM_WINDOW_STEPS,
-            pairs: SAMPLED_PAIRS,
-            seed: 0,
-        },
-        ..MergeOptions::default()
     }
 }
 
@@ -79,68 +59,6 @@ impl GraphFolders {
     }
 }
 
-/// How recordings are to be read.
-pub(super) fn read_options(arguments: &ReadArguments) -> ReadOptions {
-    ReadOptions {
-        every: arguments.every.map(|every| every as usize),
-        image_size: arguments.image_size,
-    }
-}
-
-/// The demonstrations of a task, and what is to be said of each recording; what was lost of a damaged
-/// one is told.
-pub(super) fn read_demonstrations(
-    recordings: &Recordings,
-    task: &str,
-) -> Result<(DemonstrationSet, Vec<RecordingReport>), CliError> {
-    let (set, reports) = recordings.demonstrations(task)?;
-    for report in reports.iter().filter(|r| !r.losses.is_empty()) {
-        eprintln!("warning: {report}");
-    }
-    Ok((set, reports))
-}
-
-/// Refuses demonstrations whose actions mean something else in the action space of a model.
-fn ensure_same_actions(set: &DemonstrationSet, space: &ActionSpace) -> Result<(), CliError> {
-    let recorded = set.action_space();
-    if space.takes_actions_of(recorded) {
-        return Ok(());
-    }
-    let are_values = |space: &ActionSpace| !matches!(space, ActionSpace::Primitives { .. });
-    let way_out = if are_values(space) && are_values(recorded) {
-        "list the model's names in its order under 'keep' of the 'actions' in a mapping file (under 'names' where the \
-         same values are only called otherwise)"
-    } else {
-        "record with the actions of the model, primitives in its order"
-    };
-    let first = set.trajectories().first();
-    Err(CliError::ActionsDiffer {
-        task: set.task().to_owned(),
-        trajectory: first.map(|t| t.id.clone()).unwrap_or_default(),
-        found: recorded.with_names(),
-        expected: space.with_names(),
-        way_out,
-    })
-}
-
-/// The demonstrations as a model takes them: with its action space, which has bins where the recordings have
-/// none, and with the images of its cameras in their size. Demonstrations with other actions are refused.
-pub(super) fn in_model_space(
-    set: &DemonstrationSet,
-    model: &Model,
-) -> Result<DemonstrationSet, CliError> {
-    let spec = &model.manifest().spec;
-    ensure_same_actions(set, &spec.action_space)?;
-    let mut trajectories = set.trajectories().to_vec();
-    for trajectory in &mut trajectories {
-        trajectory.action_space = spec.action_space.clone();
-        for step in &mut trajectory.steps {
-            step.observation = Arc::new(step.observation.fitted(&spec.cameras)?);
-        }
-    }
-    Ok(DemonstrationSet::new(set.task(), trajectories)?)
-}
-
 /// A composition with everything that planning and running it needs.
 pub(super) struct Loaded {
     pub(super) composition: Composition,
@@ -154,9 +72,10 @@ pub(super) struct Loaded {
 impl Loaded {
     /// Reads a composition or a task, its model and graphs, and merges the graphs.
     ///
-    /// Of several orders it takes the cheapest; where none connects, the first, whose plan says why.
+    /// Of several orders it takes the cheapest, of those that leave the fewest optional parts out; where none
+    /// connects, the first, whose plan says why.
     pub(super) fn load(name_or_path: &str, arguments: &Arguments) -> Result<Self, CliError> {
-        Self::of(compose_named(name_or_path, &arguments.root)?, arguments)
+        Self::of(composed(name_or_path, &arguments.root)?, arguments)
     }
 
     /// The same for a composition that was read already.
@@ -315,19 +234,42 @@ pub(super) fn graph_digests(composition: &Composition) -> Result<Vec<String>, Cl
 /// Whether a composition's world is the simulated bedroom; robots of one's own may have another, or none.
 fn is_bedroom(composition: &Composition) -> bool {
     let world = composition.environment.as_ref();
-    world.is_some_and(|world| world.kind.value == "bedroom")
+    world.is_some_and(|world| world.kind.value == BEDROOM.name)
 }
 
 /// The bedroom that a composition starts in.
 pub(super) fn bedroom(composition: &Composition) -> Result<BedroomConfig, CliError> {
+    Ok(world(composition)?.settings_as()?)
+}
+
+/// The same at another level than it names, at which also is what it does not say of the variation.
+pub(super) fn bedroom_at(
+    composition: &Composition,
+    level: Level,
+) -> Result<BedroomConfig, CliError> {
+    let mut world = world(composition)?.clone();
+    let level = serde_json::to_value(level)?;
+    world.settings.insert("level".to_owned(), level);
+    Ok(world.settings_as()?)
+}
+
+/// What a composition says of the bedroom.
+fn world(composition: &Composition) -> Result<&EnvironmentConfig, CliError> {
     match &composition.environment {
-        Some(environment) if environment.kind.value == "bedroom" => Ok(environment.settings_as()?),
-        other => Err(CliError::UnknownWorld {
+        Some(world) if world.kind.value == BEDROOM.name => Ok(world),
+        Some(other) => Err(other.unknown(&[BEDROOM.name]).into()),
+        None => Err(CliError::NoWorld {
             composition: composition.name.clone(),
-            found: other
-                .as_ref()
-                .map_or_else(|| "none".to_owned(), |e| format!("'{}'", e.kind.value)),
         }),
+    }
+}
+
+/// Tells what may not be meant as it is written, though it works.
+pub(super) fn tell_warnings(composition: &Composition) {
+    for warning in &composition.warnings {
+        let help = warning.help.as_ref();
+        let help = help.map_or_else(String::new, |help| format!(" ({help})"));
+        eprintln!("warning: {}{help}", warning.line());
     }
 }
 
@@ -343,78 +285,10 @@ pub(super) fn load_model(
     })
 }
 
-/// The graphs of a composition's tasks in one.
-pub(super) fn merge_all(
-    graphs: &[TopologicalGraph],
-    composition: &Composition,
-    model: &Model,
-    bar: &ProgressBar,
-) -> Result<(TopologicalGraph, MergeReport), CliError> {
-    let follows = composition.follows();
-    if let ([graph], true) = (graphs, follows.is_empty()) {
-        return Ok((graph.clone(), MergeReport::default()));
-    }
-    let graphs: Vec<&TopologicalGraph> = graphs.iter().collect();
-    let known: Vec<&str> = graphs.iter().flat_map(|graph| graph.tasks()).collect();
-    let follows: Vec<(&str, &str)> = follows
-        .into_iter()
-        .filter(|(from, to)| known.contains(from) && known.contains(to))
-        .collect();
-    let merged = merge(&graphs, &follows, model, &merge_options(), &|p| {
-        show(bar, p);
-    })?;
-    Ok((merged.graph, merged.report))
-}
-
-/// Moves a bar to how far the work is.
-pub(super) fn show(bar: &ProgressBar, progress: GraphProgress) {
-    bar.set_length(progress.total);
-    bar.set_position(progress.done);
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::composer::{FoundBy, TaskSpec};
-    use crate::trajectory::{Action, ActionDimension, Image, Observation, Step, Trajectory};
-
-    #[test]
-    fn recordings_with_other_actions_than_the_model_are_refused_with_both_lists() {
-        let image = Image::new(1, 1, vec![0; 3]).expect("one pixel");
-        let observation = Arc::new(Observation::new([("head".to_owned(), image)]));
-        let told = |recorded: &[&str], of_model: &[&str]| {
-            let trajectory = Trajectory {
-                id: "demo".to_owned(),
-                task: "cup".to_owned(),
-                action_space: ActionSpace::Continuous {
-                    names: recorded.iter().map(|n| (*n).to_owned()).collect(),
-                },
-                steps: vec![Step {
-                    time_secs: 0.0,
-                    observation: Arc::clone(&observation),
-                    action: Action::Continuous(vec![0.0; recorded.len()]),
-                }],
-                markers: Vec::new(),
-            };
-            let set = DemonstrationSet::new("cup", vec![trajectory]).expect("one trajectory");
-            let dimension = |name: &&str| ActionDimension::uniform(*name, 0.0, 1.0, 2);
-            let dimensions = of_model.iter().map(dimension).collect();
-            let checked = ensure_same_actions(&set, &ActionSpace::Binned { dimensions });
-            checked.err().map(|e| e.to_string())
-        };
-        assert_eq!(told(&["x", "gripper"], &["x", "gripper"]), None);
-        assert_eq!(told(&["action_0", "action_1"], &["x", "gripper"]), None);
-        assert_eq!(told(&["x", "gripper"], &["action_0", "action_1"]), None);
-        assert_eq!(
-            told(&["gripper", "x"], &["x", "gripper"]).as_deref(),
-            Some(
-                "the recordings of task 'cup', such as 'demo', have 2 continuous dimensions (gripper, x), but the \
-                 model has 2 binned dimensions (x, gripper): list the model's names in its order under 'keep' of the \
-                 'actions' in a mapping file (under 'names' where the same values are only called otherwise), or train \
-                 a model with these recordings"
-            )
-        );
-    }
 
     #[test]
     fn a_graph_of_other_subgoals_is_refused_with_both_lists() {
@@ -445,5 +319,46 @@ mod tests {
         );
         let reordered = ["cup_grasped", "door_open", "cup_in_sink"];
         assert!(told(&resolved(&reordered)).is_some());
+    }
+
+    fn composition_in(world: Option<EnvironmentConfig>) -> Composition {
+        let task = TaskSpec::new("cup", "graphs/cup")
+            .subgoal("cup_in_sink", FoundBy::End)
+            .resolve(Path::new(""))
+            .expect("a sound task");
+        let builder = Composition::builder("one").model("m").task(task);
+        let builder = match world {
+            Some(world) => builder.environment(world),
+            None => builder,
+        };
+        builder.build().expect("a sound composition")
+    }
+
+    #[test]
+    fn what_is_not_said_of_a_bedroom_is_as_at_the_level_that_is_asked_for() {
+        let settings = serde_json::json!({"start": "wine", "variation": {"light": 0.1}});
+        let serde_json::Value::Object(settings) = settings else {
+            panic!("a map")
+        };
+        let composition = composition_in(Some(EnvironmentConfig::new("bedroom", settings)));
+        let headings = |config: BedroomConfig| {
+            let variation = config.variation.expect("it is given");
+            (variation.light, variation.start_heading_deg)
+        };
+        let own = bedroom(&composition).expect("it is possible");
+        assert_eq!(headings(own), (0.1, 15.0));
+        let hard = bedroom_at(&composition, Level::Hard).expect("it is possible");
+        assert_eq!((hard.level, headings(hard)), (Level::Hard, (0.1, 30.0)));
+    }
+
+    #[test]
+    fn a_world_that_is_not_known_is_refused_with_the_nearest_one() {
+        let named = EnvironmentConfig::new("bedrom", serde_json::Map::new());
+        let error = bedroom(&composition_in(Some(named))).expect_err("there is none");
+        let told = error.report();
+        assert!(told.contains("the world 'bedrom' is not known"), "{told}");
+        assert!(told.contains("did you mean 'bedroom'?"), "{told}");
+        let error = bedroom(&composition_in(None)).expect_err("there is none");
+        assert!(error.to_string().starts_with("'one' names no world; write"));
     }
 }

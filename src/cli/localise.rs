@@ -1,6 +1,7 @@
 use super::arguments::{Arguments, GraphLocaliseArguments};
+use super::demonstrations::{in_model_space, read_demonstrations, read_options, warn_of_own};
 use super::error::CliError;
-use super::loaded::{Loaded, in_model_space, read_demonstrations, read_options};
+use super::loaded::Loaded;
 use crate::composer::load_task;
 use crate::experiment::LocalisationScore;
 use crate::rollout::Monitor;
@@ -16,6 +17,7 @@ pub(super) fn localise(
     let loaded = Loaded::load(&localise_arguments.task.to_string_lossy(), arguments)?;
     let demos = std::slice::from_ref(&localise_arguments.demos);
     let recordings = Recordings::open(demos, &read_options(&localise_arguments.read))?;
+    warn_of_own(&recordings, &task.graph);
     let (set, _) = read_demonstrations(&recordings, &task.task.name)?;
     let set = in_model_space(&set, &loaded.model)?;
     let recordings = set

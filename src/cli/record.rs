@@ -10,7 +10,7 @@ use crate::simulator::{
     Bedroom, BedroomConfig, BedroomTask, Demonstration, Habits, LONGEST_STEPS, Leftovers, Level,
     Practice, demonstrate_on,
 };
-use crate::storage::{RecordingMetadata, inspect, write_trajectory};
+use crate::storage::{PRACTICE_NOTE, RecordingMetadata, inspect, write_trajectory};
 use crate::wording::counted;
 
 /// Keeps the episodes of demonstrations apart from those of evaluations, whose seeds are used as they
@@ -18,8 +18,6 @@ use crate::wording::counted;
 const SEEDS_A_RECORDING: u64 = 1_000_000;
 /// Note in a recording's metadata: which kind of episodes it is one of, as JSON.
 pub(super) const BEDROOM_NOTE: &str = "bedroom";
-/// Note in the metadata of practice alone: which kind it is.
-const PRACTICE_NOTE: &str = "practice";
 /// Of practice that was recorded before its kind was noted.
 const UNKNOWN_PRACTICE: &str = "unknown";
 /// Attempts for each demonstration that is wanted, before it is given up.
@@ -66,10 +64,7 @@ pub(super) fn record(arguments: &RecordArguments) -> Result<(), CliError> {
         ..BedroomConfig::paper(task)
     };
     episode_seed(arguments.seed, 0)?;
-    fs::create_dir_all(&arguments.out).map_err(|source| CliError::Io {
-        path: arguments.out.clone(),
-        source,
-    })?;
+    fs::create_dir_all(&arguments.out).map_err(CliError::io(&arguments.out))?;
     check_earlier(arguments, task, &config)?;
     let bar = progress::bar("recording", arguments.demos as u64);
     let (mut recorded, mut attempts, mut found) = (0, 0, 0);
@@ -146,13 +141,10 @@ fn check_earlier(
     task: BedroomTask,
     config: &BedroomConfig,
 ) -> Result<(), CliError> {
-    let failed = |source| CliError::Io {
-        path: arguments.out.clone(),
-        source,
-    };
+    let failed = CliError::io(&arguments.out);
     let mut earlier: Vec<PathBuf> = Vec::new();
-    for entry in fs::read_dir(&arguments.out).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
+    for entry in fs::read_dir(&arguments.out).map_err(&failed)? {
+        let path = entry.map_err(&failed)?.path();
         let name = path.file_name().and_then(|name| name.to_str());
         let seed = name.and_then(|name| seed_of_file(task, name));
         if seed.is_some_and(|seed| seed / SEEDS_A_RECORDING == arguments.seed) && path.is_file() {

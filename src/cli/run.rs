@@ -11,7 +11,7 @@ use super::arguments::{Arguments, RunArguments};
 use super::compose::{PlanReport, describe, plan};
 use super::error::CliError;
 use super::graph::{PICTURE_EVERY_STEPS, results_folder};
-use super::loaded::Loaded;
+use super::loaded::{Loaded, tell_warnings};
 use super::progress;
 use super::resume::{self, RECORDING, ResumeReport, stage_named};
 use crate::environment::Environment;
@@ -52,9 +52,7 @@ struct SubgoalSummary {
 /// `catena run`: plans, runs one episode, and leaves recording, pictures and a summary.
 pub(super) fn run(run_arguments: &RunArguments, arguments: &Arguments) -> Result<(), CliError> {
     let mut loaded = Loaded::load(&run_arguments.file.to_string_lossy(), arguments)?;
-    for warning in &loaded.composition.warnings {
-        eprintln!("warning: {}", warning.message);
-    }
+    tell_warnings(&loaded.composition);
     let resumed = run_arguments.resume.as_deref();
     let stage = resumed.map(|name| stage_named(name, &loaded.composition.automaton));
     let stage = stage.transpose()?;
@@ -68,10 +66,7 @@ pub(super) fn run(run_arguments: &RunArguments, arguments: &Arguments) -> Result
     let usual = || stage.map_or_else(|| results_folder(name), |s| resume::folder(name, s));
     let out = run_arguments.out.clone().unwrap_or_else(usual);
     let mut room = Room::new(&loaded, run_arguments, stage, &out)?;
-    fs::create_dir_all(&out).map_err(|source| CliError::Io {
-        path: out.clone(),
-        source,
-    })?;
+    fs::create_dir_all(&out).map_err(CliError::io(&out))?;
     let svg = out.join("merged_graph.svg");
     let title = loaded.composition.name.replace('_', " ");
     write_merged_graph_svg(&svg, &loaded.graph, Some(&planned.plan.route), &title)?;

@@ -1,11 +1,12 @@
 use super::arguments::{Arguments, SimulateArguments};
 use super::error::CliError;
+use super::loaded::bedroom_at;
 use super::serve::{run, server};
-use crate::composer::compose_named;
+use super::worlds::composed;
 use crate::environment::{Environment, EnvironmentError};
 use crate::experiment::{ScoredBedroom, SubgoalOutcome};
 use crate::serve::{EnvironmentService, Simulated};
-use crate::simulator::{Bedroom, BedroomConfig};
+use crate::simulator::Bedroom;
 use crate::trajectory::{Action, ActionSpace, CameraSpec, Observation};
 
 /// `catena simulate`: a bedroom for each client, until the process is asked to end.
@@ -14,11 +15,8 @@ pub(super) fn simulate(
     arguments: &Arguments,
 ) -> Result<(), CliError> {
     let server = server(simulate_arguments.bind, &simulate_arguments.limits)?;
-    let composition = compose_named(&simulate_arguments.target, &arguments.root)?;
-    let bedroom = BedroomConfig {
-        level: simulate_arguments.level.into(),
-        ..super::loaded::bedroom(&composition)?
-    };
+    let composition = composed(&simulate_arguments.target, &arguments.root)?;
+    let bedroom = bedroom_at(&composition, simulate_arguments.level.into())?;
     let judged = composition.demonstrated_automaton();
     let make = || -> Box<dyn Simulated + Send> {
         Box::new(World(ScoredBedroom::new(Bedroom::new(bedroom), &judged)))

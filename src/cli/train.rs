@@ -5,8 +5,8 @@ use indicatif::ProgressBar;
 
 use super::arguments::{Arguments, TrainArguments};
 use super::baseline::{method_of, train_method};
+use super::demonstrations::{ReadSet, read_demonstrations, read_options, read_practice};
 use super::error::CliError;
-use super::loaded::{read_demonstrations, read_options};
 use super::progress;
 use super::training_config::{training_config, write_run, written_config};
 use crate::inference::Model;
@@ -88,7 +88,8 @@ const PRACTICE_OF: &str = "practice of ";
 fn practise(arguments: &TrainArguments, all: &Arguments, folder: &Path) -> Result<(), CliError> {
     check_model_place(&arguments.out)?;
     let read = read_options(&arguments.read);
-    let (sets, mut digests) = load_sets(&arguments.demos, arguments.bins, &read)?;
+    let (sets, mut digests) =
+        load_sets(&arguments.demos, arguments.bins, &read, read_demonstrations)?;
     let finished = FinishedModel::load(folder)?;
     let known = &finished.manifest().training.datasets;
     let is_other = |(task, digest): &(&String, &String)| known.get(*task) != Some(*digest);
@@ -130,7 +131,7 @@ fn practice_runs(
     digests: &mut BTreeMap<String, String>,
 ) -> Result<Vec<DemonstrationSet>, CliError> {
     let read = read_options(&arguments.read);
-    let (runs, of_runs) = load_sets(&arguments.practice, arguments.bins, &read)?;
+    let (runs, of_runs) = load_sets(&arguments.practice, arguments.bins, &read, read_practice)?;
     let named = of_runs.into_iter();
     digests.extend(named.map(|(task, digest)| (format!("{PRACTICE_OF}{task}"), digest)));
     Ok(runs)
@@ -151,8 +152,15 @@ pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError>
         .run
         .clone()
         .unwrap_or_else(|| beside(&arguments.out));
-    if !arguments.resume && run_folder.join(CHECKPOINT).exists() {
+    let has_begun = run_folder.join(CHECKPOINT).exists();
+    if !arguments.resume && has_begun {
         return Err(CliError::RunExists { run: run_folder });
+    }
+    if arguments.resume && !has_begun {
+        println!(
+            "no checkpoint to go on from in {}: the training begins",
+            run_folder.display()
+        );
     }
     if whole(&run_folder).starts_with(whole(&arguments.out)) {
         return Err(CliError::RunInModel {
@@ -165,11 +173,12 @@ pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError>
         &arguments.demos,
         arguments.bins,
         &read_options(&arguments.read),
+        read_demonstrations,
     )?;
     println!(
-        "training on {} states of {} tasks; checkpoints and losses.csv in {}{}",
+        "training on {} states of {}; checkpoints and losses.csv in {}{}",
         sets.iter().map(DemonstrationSet::step_count).sum::<usize>(),
-        sets.len(),
+        counted(sets.len(), "task"),
         run_folder.display(),
         sets.first()
             .map(|s| describe_bins(s.action_space()))
@@ -237,6 +246,7 @@ pub(super) fn load_sets(
     paths: &[PathBuf],
     bins: usize,
     options: &ReadOptions,
+    read: fn(&Recordings, &str) -> Result<ReadSet, CliError>,
 ) -> Result<(Vec<DemonstrationSet>, BTreeMap<String, String>), CliError> {
     let mut sets = Vec::new();
     let mut digests = BTreeMap::new();
@@ -245,7 +255,7 @@ pub(super) fn load_sets(
         let recordings = Recordings::open(std::slice::from_ref(path), options)?;
         let digest = recordings.digest()?;
         for task in recordings.tasks() {
-            let (set, _) = read_demonstrations(&recordings, &task)?;
+            let (set, _) = read(&recordings, &task)?;
             if digests.insert(task.clone(), digest.clone()).is_some() {
                 return Err(CliError::TaskTwice {
                     task,

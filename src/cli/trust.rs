@@ -4,11 +4,13 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::arguments::{Arguments, GraphTrustArguments};
+use super::demonstrations::{read_demonstrations, warn_of_own};
 use super::error::CliError;
-use super::loaded::{merge_all, read_demonstrations, show};
+use super::merging::{merge_all, show_progress};
 use super::progress;
 use super::record::BEDROOM_NOTE;
-use crate::composer::{Calibration, ResolvedTask, compose_named};
+use super::worlds::composed;
+use crate::composer::{Calibration, ResolvedTask};
 use crate::experiment::{EdgeOptions, EdgeTrust, EdgeTrustInput, ExperimentError, Replay};
 use crate::graph::{BuildOptions, TopologicalGraph, build};
 use crate::inference::Model;
@@ -22,7 +24,7 @@ pub(super) fn trust(
     arguments: &Arguments,
 ) -> Result<(), CliError> {
     let file = trust_arguments.file.to_string_lossy();
-    let composition = compose_named(&file, &arguments.root)?;
+    let composition = composed(&file, &arguments.root)?;
     let (tasks, folders) = (&composition.tasks, &trust_arguments.demos);
     if tasks.len() != folders.len() {
         return Err(CliError::FoldersOfTasks {
@@ -74,6 +76,7 @@ fn replayed_graph(
     model: &Model,
 ) -> Result<(TopologicalGraph, Vec<Replay>), CliError> {
     let recordings = Recordings::open(&[folder.to_owned()], &ReadOptions::default())?;
+    warn_of_own(&recordings, &task.graph);
     let (set, reports) = read_demonstrations(&recordings, &task.task.name)?;
     let kept: Vec<_> = reports.iter().filter(|r| r.left_out.is_none()).collect();
     let bar = progress::bar("replaying", kept.len() as u64);
@@ -101,7 +104,9 @@ fn replayed_graph(
         .collect::<Result<Vec<_>, _>>()?;
     let bar = progress::bar("building", 0);
     let options = BuildOptions::default();
-    let built = build(&set, &subgoals, model, model, &options, &|p| show(&bar, p))?;
+    let built = build(&set, &subgoals, model, model, &options, &|p| {
+        show_progress(&bar, p);
+    })?;
     bar.finish_and_clear();
     Ok((built.graph, replays))
 }

@@ -8,6 +8,7 @@ use super::diagnostics::Diagnostics;
 use super::reader::{Reader, suggestion};
 use super::resolved_task::{ResolvedTask, read_task, read_task_node};
 use super::source::{Located, Source};
+use super::world::KnownWorld;
 use super::yaml::{self, Node, Value};
 use crate::wording::counted;
 
@@ -15,6 +16,30 @@ use crate::wording::counted;
 const TASKS: &str = "tasks";
 /// Where compositions are.
 const SEQUENCES: &str = "tasks/sequences";
+
+/// Where what files name is looked up.
+#[derive(Clone, Copy)]
+pub(super) struct Project<'a> {
+    /// The folder that paths are relative to.
+    pub root: &'a Path,
+    /// Worlds whose settings are checked.
+    worlds: &'a [KnownWorld],
+}
+
+impl<'a> Project<'a> {
+    /// Settings of worlds are taken as they are.
+    pub(super) fn knowing_nothing(root: &'a Path) -> Self {
+        Self { root, worlds: &[] }
+    }
+
+    pub(super) fn reader(self, source: &'a Source, faults: &'a mut Faults) -> Reader<'a> {
+        Reader {
+            source,
+            faults,
+            worlds: self.worlds,
+        }
+    }
+}
 
 /// Reads a composition and the tasks that it names, each from `tasks/NAME.yaml` below `root`. The file
 /// of a task is a composition of that task alone.
@@ -24,9 +49,13 @@ const SEQUENCES: &str = "tasks/sequences";
 /// # Errors
 /// All faults of the composition and of its tasks.
 pub fn compose(path: &Path, root: &Path) -> Result<Composition, Diagnostics> {
+    compose_file(path, Project::knowing_nothing(root))
+}
+
+fn compose_file(path: &Path, project: Project<'_>) -> Result<Composition, Diagnostics> {
     let mut faults = Faults::default();
     let composition =
-        Source::read(path, &mut faults).and_then(|s| compose_in(&s, root, &mut faults));
+        Source::read(path, &mut faults).and_then(|s| compose_in(&s, project, &mut faults));
     Composition::finish(composition, faults)
 }
 
@@ -37,7 +66,7 @@ pub fn compose(path: &Path, root: &Path) -> Result<Composition, Diagnostics> {
 pub fn compose_source(source: &Source, root: &Path) -> Result<Composition, Diagnostics> {
     let mut faults = Faults::default();
     faults.begin_file(source.path().to_owned());
-    let composition = compose_in(source, root, &mut faults);
+    let composition = compose_in(source, Project::knowing_nothing(root), &mut faults);
     Composition::finish(composition, faults)
 }
 
@@ -47,16 +76,30 @@ pub fn compose_source(source: &Source, root: &Path) -> Result<Composition, Diagn
 /// # Errors
 /// All faults of the files; a diagnostic with the nearest name when there is no such task.
 pub fn compose_named(name_or_path: &str, root: &Path) -> Result<Composition, Diagnostics> {
+    compose_named_knowing(&[], name_or_path, root)
+}
+
+/// The same where some worlds are known: what does not fit of their settings, in the composition or in its
+/// tasks, is told with all other faults.
+///
+/// # Errors
+/// As [`compose_named`].
+pub fn compose_named_knowing(
+    worlds: &[KnownWorld],
+    name_or_path: &str,
+    root: &Path,
+) -> Result<Composition, Diagnostics> {
+    let project = Project { root, worlds };
     let is_path = name_or_path.contains(['/', '\\', '.']) || Path::new(name_or_path).is_file();
     if is_path {
-        return compose(Path::new(name_or_path), root);
+        return compose_file(Path::new(name_or_path), project);
     }
     let found = [TASKS, SEQUENCES]
         .map(|folder| file_named(root, folder, name_or_path))
         .into_iter()
         .find(|path| path.is_file());
     if let Some(path) = found {
-        return compose(&path, root);
+        return compose_file(&path, project);
     }
     let mut names = names_in(root, TASKS);
     names.extend(names_in(root, SEQUENCES));
@@ -72,22 +115,22 @@ pub fn task_names(root: &Path) -> Vec<String> {
     names_in(root, TASKS)
 }
 
-fn compose_in(source: &Source, root: &Path, faults: &mut Faults) -> Option<Composition> {
+fn compose_in(source: &Source, project: Project<'_>, faults: &mut Faults) -> Option<Composition> {
     let node = yaml::parse(source, faults)?;
     if is_task(&node) {
-        let task = read_task_node(&node, source, root, faults)?;
+        let task = read_task_node(&node, source, project, faults)?;
         return (faults.error_count() == 0)
             .then(|| Composition::of_one(task, faults))
             .flatten();
     }
-    let spec = CompositionSpec::read(&node, &mut Reader { source, faults })?;
-    let tasks = load_tasks(spec.mentioned(), root, faults);
+    let spec = CompositionSpec::read(&node, &mut project.reader(source, faults))?;
+    let tasks = load_tasks(spec.mentioned(), project, faults);
     let file_name = source
         .path()
         .file_stem()
         .unwrap_or_default()
         .to_string_lossy();
-    Composition::resolve(spec, tasks, &file_name, root, faults)
+    Composition::resolve(spec, tasks, &file_name, project.root, faults)
 }
 
 /// Tasks have subgoals, compositions have tasks to do.
@@ -102,10 +145,10 @@ fn is_task(node: &Node) -> bool {
 /// Each task that is named, once.
 fn load_tasks<'a>(
     names: impl Iterator<Item = &'a Located<String>>,
-    root: &Path,
+    project: Project<'_>,
     faults: &mut Faults,
 ) -> Vec<Option<ResolvedTask>> {
-    let known = names_in(root, TASKS);
+    let known = names_in(project.root, TASKS);
     let mut tasks = Vec::new();
     let mut seen: Vec<&str> = Vec::new();
     for name in names {
@@ -114,11 +157,11 @@ fn load_tasks<'a>(
         }
         seen.push(&name.value);
         tasks.push(if known.contains(&name.value) {
-            load_named(name, root, faults)
+            load_named(name, project, faults)
         } else {
             let message = format!("there is no task '{}'", name.value);
             let fault = Diagnostic::error(message).at_any(name.origin.as_ref());
-            let help = known_names(&name.value, &known, root);
+            let help = known_names(&name.value, &known, project.root);
             faults.add(fault.label("unknown task").help(help));
             None
         });
@@ -126,10 +169,14 @@ fn load_tasks<'a>(
     tasks
 }
 
-fn load_named(name: &Located<String>, root: &Path, faults: &mut Faults) -> Option<ResolvedTask> {
-    let path = file_named(root, TASKS, &name.value);
+fn load_named(
+    name: &Located<String>,
+    project: Project<'_>,
+    faults: &mut Faults,
+) -> Option<ResolvedTask> {
+    let path = file_named(project.root, TASKS, &name.value);
     let before = faults.error_count();
-    let task = Source::read(&path, faults).and_then(|s| read_task(&s, root, faults));
+    let task = Source::read(&path, faults).and_then(|s| read_task(&s, project, faults));
     let own = faults.error_count() - before;
     if own > 0 {
         let message = format!(

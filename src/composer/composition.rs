@@ -269,8 +269,8 @@ impl Composition {
         }
     }
 
-    /// Takes the cheapest of the allowed orders on a graph, usually the merged one; see
-    /// [`settle_order`]. `None`, and nothing changes, where no order connects.
+    /// Takes the cheapest of the allowed orders on a graph, usually the merged one, of those that leave the
+    /// fewest optional parts out; see [`settle_order`]. `None`, and nothing changes, where no order connects.
     ///
     /// # Errors
     /// [`PlannerError::UnknownTask`] for a task that the graph lacks.

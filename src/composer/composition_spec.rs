@@ -238,7 +238,8 @@ fn read_start(node: &Node, reader: &mut Reader<'_>) -> Option<StartSpec> {
                 None
             }
             None => {
-                reader.misfit(node, "start", "beginning, anywhere or {from: sock}");
+                let wanted = "beginning, anywhere or {from: sock}";
+                reader.misfit(node, "start", wanted, format!("write {wanted}"));
                 None
             }
         };

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use super::diagnostic::{Diagnostic, Faults};
 use super::source::{Located, Origin, Source};
+use super::way_out;
+use super::world::KnownWorld;
 use super::yaml::{Entry, Node, Value};
 use crate::storage::nearest;
 
@@ -14,6 +16,8 @@ const MAX_NAME_CHARS: usize = 64;
 pub(super) struct Reader<'a> {
     pub source: &'a Source,
     pub faults: &'a mut Faults,
+    /// Worlds whose settings are checked.
+    pub worlds: &'a [KnownWorld],
 }
 
 /// A map whose keys are known ones.
@@ -56,14 +60,21 @@ impl Reader<'_> {
         self.fault(&node.span, message, help);
     }
 
-    /// `what` is to be `wanted`, but the node is something else.
-    pub(super) fn misfit(&mut self, node: &Node, what: &str, wanted: &str) {
+    /// `what` is to be `wanted`, but the node is something else; `help` says what to write instead.
+    pub(super) fn misfit(
+        &mut self,
+        node: &Node,
+        what: &str,
+        wanted: &str,
+        help: impl Into<String>,
+    ) {
         if matches!(node.value, Value::Reported) {
             return;
         }
         let message = format!("{what} must be {wanted}, but is {}", node.describe());
         let fault = Diagnostic::error(message).at(&self.origin(&node.span));
-        self.faults.add(fault.label(format!("not {wanted}")));
+        let fault = fault.label(format!("not {wanted}"));
+        self.faults.add(fault.help(help));
     }
 
     /// A map with keys out of `keys`. A misspelled key is reported and its value is read all the same.
@@ -74,7 +85,7 @@ impl Reader<'_> {
         keys: &[&'static str],
     ) -> Option<Fields<'n>> {
         let Value::Map(entries) = &node.value else {
-            self.misfit(node, what, "a map of keys");
+            self.misfit(node, what, "a map of keys", way_out::map(what, keys));
             return None;
         };
         let known = |key: &str| keys.iter().copied().find(|k| *k == key);
@@ -131,7 +142,7 @@ impl Reader<'_> {
                 None
             }
             None => {
-                self.misfit(node, what, "text");
+                self.misfit(node, what, "text", way_out::text(node));
                 None
             }
         }
@@ -161,7 +172,7 @@ impl Reader<'_> {
             }
             Value::List(items) => Some(items),
             _ => {
-                self.misfit(node, what, "a list");
+                self.misfit(node, what, "a list", way_out::list(node, what));
                 None
             }
         }
@@ -173,15 +184,17 @@ impl Reader<'_> {
         what: &str,
         range: &RangeInclusive<u32>,
     ) -> Option<u32> {
+        let (low, high) = (range.start(), range.end());
+        let usual = format!("choose a whole number within {low}..={high}");
+        let help = || way_out::number(node, &usual);
         let Some(text) = node.as_number_text() else {
-            self.misfit(node, what, "a whole number");
+            self.misfit(node, what, "a whole number", help());
             return None;
         };
-        let (low, high) = (range.start(), range.end());
         match text.parse::<u32>() {
             Ok(number) if range.contains(&number) => Some(number),
             Err(_) if text.contains(['.', 'e', 'E']) => {
-                self.misfit(node, what, "a whole number");
+                self.misfit(node, what, "a whole number", help());
                 None
             }
             _ => {
@@ -198,7 +211,8 @@ impl Reader<'_> {
         range: &RangeInclusive<f64>,
     ) -> Option<f64> {
         let Some(number) = node.as_number_text().and_then(|t| t.parse::<f64>().ok()) else {
-            self.misfit(node, what, "a number");
+            let help = way_out::number(node, "write a number, such as 0.5");
+            self.misfit(node, what, "a number", help);
             return None;
         };
         if !range.contains(&number) {
@@ -208,7 +222,7 @@ impl Reader<'_> {
         Some(number)
     }
 
-    fn outside(&mut self, node: &Node, what: &str, range: &str) {
+    pub(super) fn outside(&mut self, node: &Node, what: &str, range: &str) {
         let message = format!("{what} is {}, out of range", node.describe());
         let fault = Diagnostic::error(message).at(&self.origin(&node.span));
         self.faults.add(
@@ -239,7 +253,8 @@ impl Reader<'_> {
         let words = || choices.iter().map(|(w, _)| *w);
         let all = listed(words().chain(maps.iter().copied()));
         let Some(text) = node.as_text() else {
-            self.misfit(node, what, &format!("one of {all}"));
+            let help = format!("choose one of {all}");
+            self.misfit(node, what, &format!("one of {all}"), help);
             return None;
         };
         let found = choices.iter().find(|(word, _)| *word == text);

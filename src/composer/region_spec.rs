@@ -138,7 +138,7 @@ fn read_steps(node: &Node, reader: &mut Reader<'_>) -> Option<Located<RangeInclu
         return Some(reader.located(node, step..=step));
     }
     let Some(text) = node.as_text() else {
-        reader.misfit(node, "steps", "a range of steps");
+        reader.misfit(node, "steps", "a range of steps", HELP);
         return None;
     };
     let bound = |text: &str, open: u32| match text.trim() {

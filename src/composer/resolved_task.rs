@@ -1,9 +1,10 @@
 use std::path::{Path, PathBuf};
 
+use super::compose::Project;
 use super::diagnostic::{Diagnostic, Faults};
 use super::diagnostics::Diagnostics;
 use super::environment_config::EnvironmentConfig;
-use super::reader::{Reader, name_fault};
+use super::reader::name_fault;
 use super::source::{Located, Source, printable};
 use super::task_spec::{FoundBy, SubgoalSpec, TaskSpec};
 use super::yaml::{self, Node};
@@ -35,16 +36,21 @@ pub struct ResolvedTask {
 /// All faults of the file.
 pub fn load_task(path: &Path, root: &Path) -> Result<ResolvedTask, Diagnostics> {
     let mut faults = Faults::default();
+    let project = Project::knowing_nothing(root);
     let task =
-        Source::read(path, &mut faults).and_then(|source| read_task(&source, root, &mut faults));
+        Source::read(path, &mut faults).and_then(|source| read_task(&source, project, &mut faults));
     task.ok_or_else(|| Diagnostics::new(faults))
 }
 
 /// None exactly when the file has errors, which are in `faults` then.
-pub(super) fn read_task(source: &Source, root: &Path, faults: &mut Faults) -> Option<ResolvedTask> {
+pub(super) fn read_task(
+    source: &Source,
+    project: Project<'_>,
+    faults: &mut Faults,
+) -> Option<ResolvedTask> {
     let before = faults.error_count();
     let node = yaml::parse(source, faults)?;
-    let task = read_task_node(&node, source, root, faults)?;
+    let task = read_task_node(&node, source, project, faults)?;
     (faults.error_count() == before).then_some(task)
 }
 
@@ -52,13 +58,13 @@ pub(super) fn read_task(source: &Source, root: &Path, faults: &mut Faults) -> Op
 pub(super) fn read_task_node(
     node: &Node,
     source: &Source,
-    root: &Path,
+    project: Project<'_>,
     faults: &mut Faults,
 ) -> Option<ResolvedTask> {
-    let spec = TaskSpec::read(node, &mut Reader { source, faults })?;
+    let spec = TaskSpec::read(node, &mut project.reader(source, faults))?;
     check_file_name(&spec.name, source, faults);
     spec.check(faults);
-    Some(spec.resolved(root))
+    Some(spec.resolved(project.root))
 }
 
 /// A task is found by its name, so its file must bear it.

@@ -135,9 +135,11 @@ fn read_bounded(path: &Path) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The path without a leading `./`.
+/// The path without a leading `./`; `.` itself stays, since nothing would be left of it.
 pub(super) fn printable(path: &Path) -> PathBuf {
-    path.strip_prefix(".").unwrap_or(path).to_owned()
+    let bare = path.strip_prefix(".").ok();
+    let bare = bare.filter(|bare| !bare.as_os_str().is_empty());
+    bare.unwrap_or(path).to_owned()
 }
 
 /// A stretch of a file.
@@ -230,5 +232,21 @@ impl<T> From<T> for Located<T> {
             value,
             origin: None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_is_named_also_where_it_is_the_present_one() {
+        for (given, told) in [(".", "."), ("./a.yaml", "a.yaml"), ("b/../c", "b/../c")] {
+            assert_eq!(printable(Path::new(given)), Path::new(told));
+        }
+        let mut faults = Faults::default();
+        assert!(Source::read(Path::new("."), &mut faults).is_none());
+        let faults = faults.into_sorted();
+        assert!(faults[0].line().starts_with(".: "), "{faults:?}");
     }
 }

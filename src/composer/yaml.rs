@@ -84,6 +84,11 @@ impl Node {
         self.scalar_of(Kind::Empty).is_some()
     }
 
+    /// Whether it is `true` or `false`.
+    pub(super) fn is_truth(&self) -> bool {
+        self.scalar_of(Kind::Truth).is_some()
+    }
+
     /// The text of a scalar that YAML takes for text.
     pub(super) fn as_text(&self) -> Option<&str> {
         self.scalar_of(Kind::Text)

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::decor::{decoration, decoration_open_to_the_south};
 use super::layout::Layout;
 use super::primitive::Primitive;
+use super::ranges::{VariationError, WrittenVariation};
 use super::render::{Camera, Lighting, Renderer, Scene, Visual};
 use super::robot::{HEAD_FOV_RAD, WRIST_FOV_RAD};
 use super::truth::{Insight, Truth};
@@ -29,20 +30,47 @@ pub const WRIST_CAMERA: &str = "wrist";
 const OVERVIEW_FOV_RAD: f32 = 0.663;
 
 /// What a bedroom's episodes look like.
+///
+/// Of a variation that is read, what is not written is as at the level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(try_from = "WrittenConfig")]
 pub struct BedroomConfig {
     /// The task whose start region the robot starts in.
     pub start: BedroomTask,
     /// How much episodes differ.
-    #[serde(default)]
     pub level: Level,
-    /// Other ranges than the level's.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Other ranges than the level's, such as [`Variation::check`] passes.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub variation: Option<Variation>,
     /// In which state the other tasks' objects are.
-    #[serde(default)]
     pub leftovers: Leftovers,
+}
+
+/// A [`BedroomConfig`] as it is written.
+#[derive(Deserialize)]
+#[serde(rename = "BedroomConfig", deny_unknown_fields)]
+struct WrittenConfig {
+    start: BedroomTask,
+    #[serde(default)]
+    level: Level,
+    variation: Option<WrittenVariation>,
+    #[serde(default)]
+    leftovers: Leftovers,
+}
+
+impl TryFrom<WrittenConfig> for BedroomConfig {
+    type Error = VariationError;
+
+    fn try_from(written: WrittenConfig) -> Result<Self, VariationError> {
+        let level = written.level;
+        let variation = written.variation.map(|v| v.at(level)).transpose()?;
+        Ok(Self {
+            start: written.start,
+            level,
+            variation,
+            leftovers: written.leftovers,
+        })
+    }
 }
 
 impl BedroomConfig {
@@ -71,8 +99,14 @@ pub struct Bedroom {
 
 impl Bedroom {
     /// A bedroom in the first observation of the episode of seed 0.
+    ///
+    /// # Panics
+    /// If the variation has a range that leaves no possible world: [`Variation::check`] tells before.
     #[must_use]
     pub fn new(config: BedroomConfig) -> Self {
+        if let Some(Err(fault)) = config.variation.map(|v| v.check()) {
+            panic!("{fault}");
+        }
         let layout = Layout::bedroom();
         let (arrangement, world) = arranged(&config, &layout, 0);
         Self {

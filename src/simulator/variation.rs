@@ -8,6 +8,17 @@ use serde::{Deserialize, Serialize};
 
 use super::layout::{Layout, StartPose};
 use super::palette::Palette;
+use super::ranges::WrittenVariation;
+
+// The drawer, the shelf and the chest leave the objects less room in depth than in width.
+/// Farthest that the sock may lie from its place in the drawer, along x and along y.
+const SOCK_ROOM_M: f32 = 0.04;
+/// The same of the can on the shelf.
+const CAN_ROOM_M: f32 = 0.05;
+/// The same of the tissue on the night stand, which has most room.
+pub(super) const TISSUE_ROOM_M: f32 = 0.06;
+/// The same of the spill on the chest.
+const SPILL_ROOM_M: f32 = 0.05;
 
 /// A task of the bedroom.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -59,19 +70,28 @@ pub enum Level {
     /// One real room with objects put back by hand, as in the paper.
     #[default]
     Paper,
-    /// Twice the poses; colours, textures and clutter drawn anew for each episode.
+    /// Twice the ranges of start, heading and light; objects as far from their places as each of them
+    /// can lie, which is the same for the sock and up to half as far again for the others; colours,
+    /// textures and clutter drawn anew for each episode.
     Hard,
 }
 
-/// Ranges that an episode is drawn from; each is the largest deviation to either side.
+/// Ranges that an episode is drawn from; each but `object_position_m` is the largest deviation to either
+/// side.
+///
+/// They are at most those of [`MOST`](Self::MOST), as [`check`](Self::check) says. One that is read is
+/// checked, and what is not written of it is as at level `paper`; that of a
+/// [`BedroomConfig`](super::BedroomConfig) as at its level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(try_from = "WrittenVariation")]
 pub struct Variation {
     /// Robot's start along x and along y, metres.
     pub start_position_m: f32,
     /// Robot's heading at the start, degrees.
     pub start_heading_deg: f32,
-    /// Places of sock, can, tissue and spill, along x and along y, metres.
+    /// Places of sock, can, tissue and spill, along x and along y, metres. It is the largest deviation of
+    /// those that have so much room: the sock deviates by 0.04 at most, can and spill by 0.05, the
+    /// tissue by 0.06.
     pub object_position_m: f32,
     /// Strength of the light, as a part of the nominal one.
     pub light: f32,
@@ -82,7 +102,8 @@ pub struct Variation {
 }
 
 impl Variation {
-    /// Every episode the same, without noise.
+    /// Every episode the same but for the turns of sock, can and tissue, which are always drawn (and for
+    /// what the other tasks leave, where that is [`Varied`](Leftovers::Varied)); without noise.
     pub const NONE: Self = Self {
         start_position_m: 0.0,
         start_heading_deg: 0.0,
@@ -109,7 +130,7 @@ impl Level {
             Self::Hard => Variation {
                 start_position_m: 0.30,
                 start_heading_deg: 30.0,
-                object_position_m: 0.08,
+                object_position_m: TISSUE_ROOM_M,
                 light: 0.4,
                 noise_levels: 6.0,
                 appearance: true,
@@ -166,7 +187,7 @@ pub enum SockPlace {
 }
 
 impl Variation {
-    /// Draws an arrangement; the same arguments give the same one.
+    /// Draws an arrangement; the same arguments give the same one. The ranges are not checked.
     #[must_use]
     pub fn arrangement(
         &self,
@@ -185,11 +206,10 @@ impl Variation {
         };
         let object = self.object_position_m;
         let position_m = around(nominal.position_m, self.start_position_m);
-        // The drawer, the shelf and the chest leave the objects less room in depth than in width.
-        let sock = around(layout.sock_offset_m, object.min(0.04));
-        let can = around(layout.can_m, object.min(0.05));
-        let tissue = around(layout.tissue_m, object.min(0.06));
-        let spill_m = around(layout.spill_m, object.min(0.05));
+        let sock = around(layout.sock_offset_m, object.min(SOCK_ROOM_M));
+        let can = around(layout.can_m, object.min(CAN_ROOM_M));
+        let tissue = around(layout.tissue_m, object.min(TISSUE_ROOM_M));
+        let spill_m = around(layout.spill_m, object.min(SPILL_ROOM_M));
         let heading = self.start_heading_deg.to_radians();
         let heading_rad = nominal.heading_rad + heading * rng.random_range(-1.0..=1.0_f32);
         let yaws_rad = [0; 3].map(|_| rng.random_range(-PI..=PI));
@@ -229,6 +249,7 @@ impl Variation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulator::ranges::VariationError;
 
     #[test]
     fn seed_decides_the_arrangement_and_the_ranges_hold() {
@@ -265,5 +286,105 @@ mod tests {
         assert_eq!((one.start, one.can_m), (other.start, other.can_m));
         assert_eq!(one.start, layout.start_at_container);
         assert_eq!(one.light, [1.0; 3]);
+    }
+
+    #[test]
+    fn objects_lie_at_level_hard_as_far_off_as_they_have_room_and_no_range_is_larger() {
+        let layout = Layout::bedroom();
+        let hard = Level::Hard.variation();
+        // What the level said before the ranges were checked: the same episodes come of it.
+        let beyond = Variation {
+            object_position_m: 0.08,
+            ..hard
+        };
+        let mut farthest = [0.0_f32; 4];
+        for seed in 0..200 {
+            let draw = |variation: &Variation| {
+                variation.arrangement(&layout, BedroomTask::Sock, Leftovers::AtStart, seed)
+            };
+            let drawn = draw(&hard);
+            assert_eq!(drawn, draw(&beyond));
+            let SockPlace::Drawer(sock) = drawn.sock else {
+                panic!("the task's own sock is in the drawer")
+            };
+            let can = drawn.can_m.expect("it stands on the shelf");
+            let tissue = drawn.tissue_m.expect("it lies on the night stand");
+            let offs = [
+                sock[0] - layout.sock_offset_m[0],
+                can[0] - layout.can_m[0],
+                tissue[0] - layout.tissue_m[0],
+                drawn.spill_m[0] - layout.spill_m[0],
+            ];
+            for (most, off) in farthest.iter_mut().zip(offs) {
+                *most = most.max(off.abs());
+            }
+        }
+        let rooms = [SOCK_ROOM_M, CAN_ROOM_M, TISSUE_ROOM_M, SPILL_ROOM_M];
+        for (off, room) in farthest.into_iter().zip(rooms) {
+            assert!(off > 0.9 * room && off < room + 1e-6, "{off} of {room}");
+            assert!(room <= hard.object_position_m);
+        }
+        assert_eq!(hard.object_position_m, Variation::MOST.object_position_m);
+    }
+
+    #[test]
+    fn ranges_without_a_possible_world_are_refused_with_key_value_and_limits() {
+        for level in [Level::Paper, Level::Hard] {
+            assert_eq!(level.variation().check(), Ok(()));
+        }
+        for sound in [Variation::NONE, Variation::MOST] {
+            assert_eq!(sound.check(), Ok(()));
+        }
+        let told = |variation: Variation| variation.check().unwrap_err().to_string();
+        let outside = Variation {
+            start_position_m: 3.0,
+            ..Variation::NONE
+        };
+        assert_eq!(
+            told(outside),
+            "`start_position_m` is 3, out of range: choose a number within 0..=0.3"
+        );
+        let no_strength = Variation {
+            light: f32::INFINITY,
+            ..Variation::NONE
+        };
+        assert!(told(no_strength).starts_with("`light` is inf, out of range"));
+        let no_number = Variation {
+            start_heading_deg: f32::NAN,
+            ..Variation::NONE
+        };
+        assert!(told(no_number).starts_with("`start_heading_deg` is NaN"));
+        let below_none = Variation {
+            noise_levels: -1.0,
+            ..Variation::NONE
+        };
+        assert!(told(below_none).ends_with("within 0..=255"));
+        let cut_before = Variation {
+            object_position_m: 0.08,
+            ..Variation::NONE
+        };
+        assert_eq!(
+            cut_before.check(),
+            Err(VariationError {
+                key: "object_position_m",
+                value: 0.08,
+                most: 0.06,
+            })
+        );
+    }
+
+    #[test]
+    fn a_variation_is_checked_when_it_is_read_and_may_be_written_in_part() {
+        let read = |text: &str| serde_json::from_str::<Variation>(text);
+        let brighter = Variation {
+            light: 0.3,
+            ..Level::Paper.variation()
+        };
+        assert_eq!(read(r#"{"light": 0.3}"#).expect("it is possible"), brighter);
+        let whole = serde_json::to_string(&Variation::MOST).expect("it is data");
+        assert_eq!(read(&whole).expect("it is possible"), Variation::MOST);
+        let fault = read(r#"{"light": 1e39}"#).unwrap_err().to_string();
+        assert!(fault.starts_with("`light` is inf, out of range"), "{fault}");
+        assert!(read(r#"{"lihgt": 0.1}"#).is_err());
     }
 }

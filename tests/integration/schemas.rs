@@ -7,6 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use catena::composer::compose;
+use catena::simulator::{BedroomConfig, Variation};
 use catena::storage::{ReadOptions, Recordings};
 use serde_json::Value;
 
@@ -48,6 +49,7 @@ fn broken(
             "string" => value.is_string(),
             "integer" => value.is_u64(),
             "number" => value.is_number(),
+            "boolean" => value.is_boolean(),
             other => panic!("type {other}"),
         }),
         "enum" => told(given.as_array().expect("words").contains(value)),
@@ -199,6 +201,53 @@ fn broken_mapping_files_are_refused_by_the_schema_too() {
     ] {
         let value: Value = serde_yaml::from_str(text).expect("YAML");
         assert!(fault(&schema, &value, &schema).is_some(), "{text}");
+    }
+}
+
+/// What can be set in the bedroom has the limits of the simulator, in both schemas.
+#[test]
+fn settings_of_the_bedroom_are_those_of_the_simulator() {
+    let most = serde_json::to_value(Variation::MOST).expect("it is data");
+    let most = most.as_object().expect("a map");
+    for name in ["task", "composition"] {
+        let schema = schema(name);
+        let bedroom = schema.pointer("/definitions/bedroom").expect("it is there");
+        let ranges = bedroom["properties"]["variation"]["properties"].as_object();
+        let ranges = ranges.expect("they are listed");
+        assert_eq!(ranges.len(), most.len(), "{name}");
+        for (key, largest) in most {
+            let limit = ranges[key].get("maximum").and_then(Value::as_f64);
+            let largest = largest.as_f64();
+            let same = limit.zip(largest).map(|(a, b)| (a - b).abs() < 1e-6);
+            assert!(same.unwrap_or(key == "appearance"), "{name}: {key}");
+        }
+        let judge = |settings: &str| {
+            let value: Value = serde_yaml::from_str(settings).expect("YAML");
+            (
+                fault(bedroom, &value, &schema).is_none(),
+                serde_json::from_value::<BedroomConfig>(value).is_ok(),
+            )
+        };
+        for sound in [
+            "{start: sock}",
+            "{start: wine, level: hard, variation: {light: 0.1, appearance: false}}",
+            "{start: trash, leftovers: varied, variation: {start_position_m: 0.3}}",
+        ] {
+            assert_eq!(judge(sound), (true, true), "{name}: {sound}");
+        }
+        for broken in [
+            "{level: hard}",
+            "{start: sok}",
+            "{start: sock, levle: hard}",
+            "{start: sock, leftovers: all}",
+            "{start: sock, variation: {start_position_m: 3}}",
+            "{start: sock, variation: {light: 1e39}}",
+            "{start: sock, variation: {object_position_m: 0.08}}",
+            "{start: sock, variation: {noise: 3}}",
+            "{start: sock, variation: {appearance: 1}}",
+        ] {
+            assert_eq!(judge(broken), (false, false), "{name}: {broken}");
+        }
     }
 }
 

@@ -9,7 +9,8 @@ use crate::cli::evaluate::{bedroom, episodes};
 use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::cli::loaded::{Loaded, graph_digests};
 use crate::cli::revision::revision;
-use crate::composer::{Composition, compose_named};
+use crate::cli::worlds::composed;
+use crate::composer::Composition;
 use crate::experiment::{
     ChainingCell, ChainingMethod, EpisodeResult, Evaluation, ScoredBedroom, chaining_table,
 };
@@ -96,7 +97,7 @@ fn loaded_with(
     evaluated: &EvaluateArguments,
     arguments: &Arguments,
 ) -> Result<(Loaded, String), CliError> {
-    let mut composition = compose_named(&evaluated.target, &arguments.root)?;
+    let mut composition = composed(&evaluated.target, &arguments.root)?;
     method.plan(&mut composition.planner, &mut composition.calibration);
     let loaded = Loaded::of(composition, arguments)?;
     let graphs = graph_digests(&loaded.composition)?;

@@ -59,7 +59,7 @@ fn measure(
     let words = size.training(method, seed);
     let trained = workshop.trained(method, demonstrations, size, seed, false)?;
     let csv = trained.run.join("losses.csv");
-    let text = fs::read_to_string(&csv).map_err(|source| CliError::Io { path: csv, source })?;
+    let text = fs::read_to_string(&csv).map_err(CliError::io(&csv))?;
     let model = TrainedModel::of_run(&trained.run)?;
     let curve = LossCurve {
         method: method.name.to_owned(),

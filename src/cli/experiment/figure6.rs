@@ -14,7 +14,7 @@ use crate::cli::baseline::goal_state;
 use crate::cli::error::CliError;
 use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::cli::loaded::{Loaded, bedroom};
-use crate::composer::compose_named;
+use crate::cli::worlds::composed;
 use crate::environment::Environment;
 use crate::inference::Baseline;
 use crate::model::{ActionDistribution, ReactivePolicy};
@@ -169,7 +169,7 @@ fn first_actions(
     size: &Size,
     arguments: &Arguments,
 ) -> Result<(Vec<String>, Vec<ActionDistribution>), CliError> {
-    let composition = compose_named(TASK, &trained.root)?;
+    let composition = composed(TASK, &trained.root)?;
     let mut room = Bedroom::new(bedroom(&composition)?);
     let mut first = Vec::new();
     let seeds = (size.seed..).take(size.episodes);

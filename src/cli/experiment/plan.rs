@@ -128,10 +128,7 @@ pub(super) fn out(arguments: &PaperArguments, name: &str) -> Result<PathBuf, Cli
 
 /// Makes a folder that is not there yet.
 pub(super) fn make(folder: &Path) -> Result<(), CliError> {
-    fs::create_dir_all(folder).map_err(|source| CliError::Io {
-        path: folder.to_owned(),
-        source,
-    })
+    fs::create_dir_all(folder).map_err(CliError::io(folder))
 }
 
 /// A digest of what a cell depends on.

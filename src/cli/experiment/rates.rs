@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
+use super::commands::shown;
 use super::method::{Method, TABLE_1, TABLE_3, chosen};
 use super::plan::{QUICK_NOTE, Size, digest, out};
-use super::workshop::{Trained, Workshop, evaluation, shown};
+use super::workshop::{Trained, Workshop, evaluation};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
 use crate::cli::kept::{Missing, keep, keep_text, kept};

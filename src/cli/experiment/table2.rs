@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::commands::shown;
 use super::method::{Method, OURS, TABLE_1, chosen};
 use super::plan::{Size, digest, out};
-use super::workshop::{Workshop, evaluation, shown};
+use super::workshop::{Workshop, evaluation};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
 use crate::cli::kept::{Missing, keep, keep_text, kept};

@@ -199,3 +199,71 @@ fn the_room_can_be_seen_from_above() {
     let picture = room.render_overview(60, 80);
     assert_eq!((picture.height(), picture.width()), (60, 80));
 }
+
+#[test]
+fn at_the_largest_start_the_robot_stands_free_whichever_way_it_heads_and_beyond_it_does_not() {
+    let layout = Layout::bedroom();
+    let can_turn = |task, position_m, heading_rad| {
+        let mut room = standing(task, position_m, heading_rad);
+        room.act(Primitive::BaseTurnLeft);
+        room.world.robot().stance.heading_rad != heading_rad
+    };
+    let most = Variation::MOST.start_position_m;
+    let starts = [
+        (BedroomTask::Sock, layout.start_at_bin),
+        (BedroomTask::Trash, layout.start_at_container),
+    ];
+    for (task, nominal) in starts {
+        let [x, y] = nominal.position_m;
+        for quarter in 0..4_u8 {
+            let heading_rad = nominal.heading_rad + f32::from(quarter) * NORTH;
+            for (dx, dy) in [(-1.0, 0.0), (1.0, 0.0), (-1.0, -1.0), (1.0, 1.0)] {
+                let position_m = [x + dx * most, y + dy * most];
+                assert!(
+                    can_turn(task, position_m, heading_rad),
+                    "{task:?} at {position_m:?} to {heading_rad}"
+                );
+            }
+        }
+    }
+    let [x, y] = layout.start_at_container.position_m;
+    let beyond = [x + most + 0.01, y];
+    assert!(!can_turn(BedroomTask::Trash, beyond, 0.0), "in the box");
+}
+
+#[test]
+fn what_is_not_written_of_a_variation_is_as_at_the_level() {
+    let read = |text: &str| serde_json::from_str::<BedroomConfig>(text);
+    let config = read(r#"{"start": "trash", "level": "hard", "variation": {"light": 0.1}}"#);
+    let expected = BedroomConfig {
+        level: Level::Hard,
+        variation: Some(Variation {
+            light: 0.1,
+            ..Level::Hard.variation()
+        }),
+        ..BedroomConfig::paper(BedroomTask::Trash)
+    };
+    assert_eq!(config.expect("it is possible"), expected);
+    // What a recording notes of its bedroom is read as it was, and is written as it was.
+    let noted = r#"{"start":"sock","level":"paper","leftovers":"varied"}"#;
+    let config = read(noted).expect("it is possible");
+    assert_eq!(config.variation, None);
+    assert_eq!(serde_json::to_string(&config).expect("it is data"), noted);
+    let outside = read(r#"{"start": "sock", "variation": {"start_position_m": 3}}"#);
+    let fault = outside.unwrap_err().to_string();
+    assert!(fault.starts_with("`start_position_m` is 3, out"), "{fault}");
+    assert!(read(r#"{"start": "sock", "vary": true}"#).is_err());
+}
+
+#[test]
+#[should_panic(expected = "`start_position_m` is 3, out of range")]
+fn a_room_whose_robot_would_stand_outside_the_house_is_refused() {
+    let variation = Some(Variation {
+        start_position_m: 3.0,
+        ..Variation::NONE
+    });
+    let _ = Bedroom::new(BedroomConfig {
+        variation,
+        ..BedroomConfig::paper(BedroomTask::Sock)
+    });
+}

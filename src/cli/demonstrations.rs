@@ -1,0 +1,166 @@
+//! Demonstrations as commands read them.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::arguments::ReadArguments;
+use super::error::CliError;
+use super::loaded::in_folder;
+use crate::inference::Model;
+use crate::storage::{ReadOptions, RecordingReport, Recordings, load_manifest};
+use crate::trajectory::{ActionSpace, DemonstrationSet};
+
+/// How recordings are to be read.
+pub(super) fn read_options(arguments: &ReadArguments) -> ReadOptions {
+    ReadOptions {
+        every: arguments.every.map(|every| every as usize),
+        image_size: arguments.image_size,
+    }
+}
+
+/// Recordings of one task, and what is in each.
+pub(super) type ReadSet = (DemonstrationSet, Vec<RecordingReport>);
+
+/// The demonstrations of a task, and what is to be said of each recording; which of them are left out, and what was
+/// lost of a damaged one, is told.
+pub(super) fn read_demonstrations(
+    recordings: &Recordings,
+    task: &str,
+) -> Result<ReadSet, CliError> {
+    let read = recordings.demonstrations(task)?;
+    warn(task, &read.1);
+    Ok(read)
+}
+
+/// The same of practice with the gripper.
+pub(super) fn read_practice(recordings: &Recordings, task: &str) -> Result<ReadSet, CliError> {
+    let read = recordings.practice(task)?;
+    warn(task, &read.1);
+    Ok(read)
+}
+
+fn warn(task: &str, reports: &[RecordingReport]) {
+    for report in reports {
+        match &report.left_out {
+            _ if !report.losses.is_empty() => eprintln!("warning: {report}"),
+            Some(reason) => eprintln!("warning: {} is left out: {reason}", report.place()),
+            None => {}
+        }
+    }
+    let kept = reports.iter().filter(|r| r.left_out.is_none());
+    let told: BTreeSet<&str> = kept.map(|r| r.task.as_str()).collect();
+    if told.len() > 1 {
+        let told: Vec<&str> = told.into_iter().collect();
+        eprintln!(
+            "warning: the recordings of '{task}' call their task {}; all of them are taken as one task",
+            listed(&told)
+        );
+    }
+}
+
+/// The first of some names.
+fn listed(names: &[&str]) -> String {
+    const SHOWN: usize = 4;
+    let first: Vec<String> = names.iter().take(SHOWN).map(|n| format!("'{n}'")).collect();
+    match names.len().saturating_sub(SHOWN) {
+        0 => first.join(", "),
+        more => format!("{} and {more} more", first.join(", ")),
+    }
+}
+
+/// Warns where what is to be judged by recordings that are not in a graph is judged by those that it was built from.
+pub(super) fn warn_of_own(recordings: &Recordings, graph: &Path) {
+    let own = load_manifest(graph).ok().map(|m| m.demonstrations_digest);
+    if own.is_some_and(|own| recordings.digest().is_ok_and(|digest| digest == own)) {
+        eprintln!(
+            "warning: {} was built from these recordings; others of the task say how well it does",
+            in_folder(graph)
+        );
+    }
+}
+
+/// Refuses demonstrations whose actions mean something else in the action space of a model.
+fn ensure_same_actions(set: &DemonstrationSet, space: &ActionSpace) -> Result<(), CliError> {
+    let recorded = set.action_space();
+    if space.takes_actions_of(recorded) {
+        return Ok(());
+    }
+    let are_values = |space: &ActionSpace| !matches!(space, ActionSpace::Primitives { .. });
+    let way_out = if are_values(space) && are_values(recorded) {
+        "list the model's names in its order under 'keep' of the 'actions' in a mapping file (under 'names' where the \
+         same values are only called otherwise)"
+    } else {
+        "record with the actions of the model, primitives in its order"
+    };
+    let first = set.trajectories().first();
+    Err(CliError::ActionsDiffer {
+        task: set.task().to_owned(),
+        trajectory: first.map(|t| t.id.clone()).unwrap_or_default(),
+        found: recorded.with_names(),
+        expected: space.with_names(),
+        way_out,
+    })
+}
+
+/// The demonstrations as a model takes them: with its action space, which has bins where the recordings have
+/// none, and with the images of its cameras in their size. Demonstrations with other actions are refused.
+pub(super) fn in_model_space(
+    set: &DemonstrationSet,
+    model: &Model,
+) -> Result<DemonstrationSet, CliError> {
+    let spec = &model.manifest().spec;
+    ensure_same_actions(set, &spec.action_space)?;
+    let mut trajectories = set.trajectories().to_vec();
+    for trajectory in &mut trajectories {
+        trajectory.action_space = spec.action_space.clone();
+        for step in &mut trajectory.steps {
+            step.observation = Arc::new(step.observation.fitted(&spec.cameras)?);
+        }
+    }
+    Ok(DemonstrationSet::new(set.task(), trajectories)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trajectory::{Action, ActionDimension, Image, Observation, Step, Trajectory};
+
+    #[test]
+    fn recordings_with_other_actions_than_the_model_are_refused_with_both_lists() {
+        let image = Image::new(1, 1, vec![0; 3]).expect("one pixel");
+        let observation = Arc::new(Observation::new([("head".to_owned(), image)]));
+        let told = |recorded: &[&str], of_model: &[&str]| {
+            let trajectory = Trajectory {
+                id: "demo".to_owned(),
+                task: "cup".to_owned(),
+                action_space: ActionSpace::Continuous {
+                    names: recorded.iter().map(|n| (*n).to_owned()).collect(),
+                },
+                steps: vec![Step {
+                    time_secs: 0.0,
+                    observation: Arc::clone(&observation),
+                    action: Action::Continuous(vec![0.0; recorded.len()]),
+                }],
+                markers: Vec::new(),
+            };
+            let set = DemonstrationSet::new("cup", vec![trajectory]).expect("one trajectory");
+            let dimension = |name: &&str| ActionDimension::uniform(*name, 0.0, 1.0, 2);
+            let dimensions = of_model.iter().map(dimension).collect();
+            let checked = ensure_same_actions(&set, &ActionSpace::Binned { dimensions });
+            checked.err().map(|e| e.to_string())
+        };
+        assert_eq!(told(&["x", "gripper"], &["x", "gripper"]), None);
+        assert_eq!(told(&["action_0", "action_1"], &["x", "gripper"]), None);
+        assert_eq!(told(&["x", "gripper"], &["action_0", "action_1"]), None);
+        assert_eq!(
+            told(&["gripper", "x"], &["x", "gripper"]).as_deref(),
+            Some(
+                "the recordings of task 'cup', such as 'demo', have 2 continuous dimensions (gripper, x), but the \
+                 model has 2 binned dimensions (x, gripper): list the model's names in its order under 'keep' of the \
+                 'actions' in a mapping file (under 'names' where the same values are only called otherwise), or train \
+                 a model with these recordings"
+            )
+        );
+    }
+}

@@ -1,0 +1,99 @@
+//! What an experiment's networks learn from and are measured on.
+
+use std::path::Path;
+
+use super::method::{MVP, Method};
+use super::workshop::task_file;
+use crate::cli::arguments::PaperArguments;
+use crate::cli::error::CliError;
+use crate::experiment::PAPER_TASKS;
+use crate::model::sha256_hex;
+use crate::storage::{ReadOptions, Recordings, sha256_file};
+
+/// Seed with which demonstrations are recorded, those of README.md.
+pub(super) const RECORDING_SEED: u64 = 1;
+/// Networks that learnt otherwise, the last states of a demonstration less than others, are not these.
+const OF_MEMORY: &str = "every state counts alike";
+/// Digits of a digest that tell folders apart.
+const MARK_DIGITS: usize = 8;
+
+/// Digests of all that goes into a method, by which cells and folders are told apart. Empty where nothing is
+/// measured.
+#[derive(Default)]
+pub(super) struct Ingredients {
+    /// What the recordings of each task are: how they are recorded, or the SHA-256 of those that were given.
+    recordings: Vec<String>,
+    /// Whether recordings were given.
+    are_given: bool,
+    /// SHA-256 of the file of each task.
+    tasks: Vec<String>,
+    /// SHA-256 of the encoder that somebody else trained, and of what is said beside it.
+    encoder: Vec<String>,
+    /// How methods with a memory learn, which their flags do not tell.
+    of_memory: Vec<String>,
+}
+
+impl Ingredients {
+    pub(super) fn gather(paper: &PaperArguments, root: &Path) -> Result<Self, CliError> {
+        let digest_of = |task: &str| sha256_file(&root.join(task_file(task)));
+        let tasks = PAPER_TASKS.into_iter().map(digest_of);
+        let mut encoder = Vec::new();
+        if let Some(file) = &paper.frozen_encoder {
+            encoder.push(sha256_file(file)?);
+            let beside = file.with_extension("json");
+            if beside.exists() {
+                encoder.push(sha256_file(&beside)?);
+            }
+        }
+        Ok(Self {
+            tasks: tasks.collect::<Result<_, _>>()?,
+            recordings: recordings_told(paper)?,
+            are_given: paper.demos.is_some(),
+            encoder,
+            of_memory: vec![OF_MEMORY.to_owned()],
+        })
+    }
+
+    /// What a method learns from and is measured on, for digests.
+    pub(super) fn of(&self, method: &Method) -> [&[String]; 3] {
+        [&self.recordings, &self.tasks, self.particulars(method)]
+    }
+
+    /// A mark in a folder's name of what a method learns from and how, where its name does not tell: what is made
+    /// otherwise lies beside it. None of what this program records.
+    pub(super) fn mark(&self, method: &Method) -> Result<String, CliError> {
+        let recordings: &[String] = if self.are_given {
+            &self.recordings
+        } else {
+            &[]
+        };
+        let given = [recordings, self.particulars(method)];
+        if given.concat().is_empty() {
+            return Ok(String::new());
+        }
+        let digest = sha256_hex(&serde_json::to_vec(&given)?);
+        Ok(format!("_{}", &digest[..MARK_DIGITS]))
+    }
+
+    /// What one method learns from beside recordings, or how.
+    fn particulars(&self, method: &Method) -> &[String] {
+        if method.name == MVP {
+            &self.encoder
+        } else if method.has_memory {
+            &self.of_memory
+        } else {
+            &[]
+        }
+    }
+}
+
+fn recordings_told(paper: &PaperArguments) -> Result<Vec<String>, CliError> {
+    let told = |task: &str| match &paper.demos {
+        None => Ok(format!("recorded with seed {RECORDING_SEED}, varied")),
+        Some(folder) => {
+            let recordings = Recordings::open(&[folder.join(task)], &ReadOptions::default())?;
+            Ok(recordings.digest()?)
+        }
+    };
+    PAPER_TASKS.into_iter().map(told).collect()
+}
