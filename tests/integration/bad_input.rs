@@ -194,7 +194,7 @@ fn trained_with_stand_in(pictures: usize) -> std::process::Output {
 fn videos_are_read_through_the_program_and_their_end_is_noticed() {
     let whole = trained_with_stand_in(10);
     assert!(whole.status.success(), "{}", text(&whole.stderr));
-    assert!(text(&whole.stdout).contains("training on 30 states of 1 tasks"));
+    assert!(text(&whole.stdout).contains("training on 30 states of 1 task;"));
     assert!(
         !text(&whole.stderr).contains("LOST"),
         "{}",
