@@ -108,8 +108,8 @@ fn overridden<C: Serialize + DeserializeOwned>(config: &C, file: &Path) -> Resul
         return Ok(with(values)?);
     };
     let (mut given, mut known) = (Vec::new(), Vec::new());
-    leaves(&values, &[], &mut given);
-    leaves(&base, &[], &mut known);
+    leaves(&values, Some(&base), &[], &mut given);
+    leaves(&base, None, &[], &mut known);
     let known: Vec<String> = known
         .into_iter()
         .map(|(names, _)| names.join("."))
@@ -119,7 +119,12 @@ fn overridden<C: Serialize + DeserializeOwned>(config: &C, file: &Path) -> Resul
             Value::Object([(name.clone(), value)].into_iter().collect())
         });
         let fault = with(alone).err()?.to_string();
-        Some(fault_of(&names.join("."), &fault, &known))
+        let name = names.join(".");
+        Some(if value.is_object() {
+            format!("{name}: {fault}")
+        } else {
+            fault_of(&name, &fault, &known)
+        })
     });
     let faults: Vec<String> = faults.collect();
     Err(failed(if faults.is_empty() {
@@ -145,17 +150,24 @@ fn fault_of(name: &str, fault: &str, known: &[String]) -> String {
             .find(|known| last(known) == end)
     };
     match meant.or_else(of_same_end) {
-        Some(meant) => format!("there is no '{name}', did you mean '{meant}'?"),
+        Some(meant) => format!("there is no '{name}' (did you mean '{meant}'?)"),
         None => format!("there is no '{name}'"),
     }
 }
 
-/// Adds the values that hold no others, with the names that lead to them.
-fn leaves<'a>(of: &'a Value, names: &[String], found: &mut Vec<(Vec<String>, &'a Value)>) {
+/// Adds the values that hold no others, with the names that lead to them. What is put in the place of nothing, such as
+/// landmarks where `base` has none, is one value: no part of it stands alone.
+fn leaves<'a>(
+    of: &'a Value,
+    base: Option<&Value>,
+    names: &[String],
+    found: &mut Vec<(Vec<String>, &'a Value)>,
+) {
     match of {
-        Value::Object(values) if !values.is_empty() => {
+        Value::Object(values) if !values.is_empty() && base != Some(&Value::Null) => {
             for (name, value) in values {
-                leaves(value, &[names, std::slice::from_ref(name)].concat(), found);
+                let names = [names, std::slice::from_ref(name)].concat();
+                leaves(value, base.and_then(|base| base.get(name)), &names, found);
             }
         }
         _ => found.push((names.to_vec(), of)),
@@ -239,14 +251,28 @@ mod tests {
             .unwrap_err()
             .to_string();
         for part in [
-            "no 'stepps', did you mean 'steps'?",
-            "no 'learning_rat', did you mean 'optimiser.learning_rate'?",
+            "no 'stepps' (did you mean 'steps'?)",
+            "no 'learning_rat' (did you mean 'optimiser.learning_rate'?)",
             "sampling.states: invalid value: integer `-4`",
-            "no 'sampling.windw', did you mean 'sampling.window'?",
+            "no 'sampling.windw' (did you mean 'sampling.window'?)",
         ] {
             assert!(message.contains(part), "{part} is not in {message}");
         }
         assert!(!message.contains("seed"), "{message}");
+    }
+
+    #[test]
+    fn one_wrong_name_where_there_was_nothing_is_one_fault() {
+        let preset = Preset::Tiny.config();
+        assert!(preset.landmarks.is_none());
+        let text = "landmarks:\n  weigth: 1.0\n  count: 2\n  drop_m: 0.12\n";
+        let refused = overridden(&preset, file(text).path()).unwrap_err();
+        let message = refused.to_string();
+        assert_eq!(message.matches("landmarks").count(), 1, "{message}");
+        assert!(
+            message.contains("landmarks: unknown field `weigth`"),
+            "{message}"
+        );
     }
 
     #[test]

@@ -9,6 +9,7 @@ use miette::NamedSource;
 use serde::Serialize;
 
 use super::diagnostic::{Diagnostic, Faults};
+use crate::storage::nearest;
 
 /// Files beyond this are refused unread: the largest sensible composition is a hundredth of it.
 pub(super) const MAX_FILE_BYTES: u64 = 256 * 1024;
@@ -64,16 +65,17 @@ impl Source {
         faults.begin_file(printable(path));
         match read_bounded(path) {
             Err(error) => {
+                let meant = neighbour(path).filter(|_| error.kind() == ErrorKind::NotFound);
+                let help = meant.map_or_else(
+                    || "give the path of a YAML file, relative to the folder you are in".to_owned(),
+                    |meant| format!("did you mean '{}'?", printable(&meant).display()),
+                );
                 let fault = Diagnostic::error(match error.kind() {
                     ErrorKind::NotFound => "there is no such file".to_owned(),
                     ErrorKind::IsADirectory => "this is a folder, not a file".to_owned(),
                     _ => format!("cannot be read: {error}"),
                 });
-                faults.add(
-                    fault
-                        .in_file(printable(path))
-                        .help("give the path of a YAML file, relative to the folder you are in"),
-                );
+                faults.add(fault.in_file(printable(path)).help(help));
                 None
             }
             Ok(bytes) if bytes.len() as u64 > MAX_FILE_BYTES => {
@@ -124,6 +126,26 @@ fn without_control(c: char) -> char {
         _ if c.is_control() => '¿',
         _ => c,
     }
+}
+
+/// The YAML file beside a path that is not there whose name is nearest.
+fn neighbour(path: &Path) -> Option<PathBuf> {
+    let wanted = path.file_stem()?.to_str()?;
+    let folder = match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    let names = fs::read_dir(folder).ok()?.flatten().map(|e| e.file_name());
+    let names = names.filter_map(|name| name.into_string().ok());
+    let is_yaml = |name: &String| [".yaml", ".yml"].iter().any(|end| name.ends_with(end));
+    let mut names: Vec<String> = names.filter(is_yaml).collect();
+    names.retain(|name| !name.contains(char::is_control));
+    names.sort_unstable();
+    let stem = |name: &String| name.rsplit_once('.').map(|(stem, _)| stem.to_owned());
+    let stems: Vec<String> = names.iter().filter_map(stem).collect();
+    let meant = nearest(wanted, stems.iter().map(String::as_str))?;
+    let place = stems.iter().position(|stem| stem == meant)?;
+    Some(path.with_file_name(&names[place]))
 }
 
 fn read_bounded(path: &Path) -> std::io::Result<Vec<u8>> {
@@ -248,5 +270,22 @@ mod tests {
         assert!(Source::read(Path::new("."), &mut faults).is_none());
         let faults = faults.into_sorted();
         assert!(faults[0].line().starts_with(".: "), "{faults:?}");
+    }
+
+    #[test]
+    fn a_file_that_is_not_there_is_told_with_the_one_that_is_called_nearly_so() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["sock_then_trash.yaml", "tidy.yml", "sock_then_trsh.txt"] {
+            fs::write(folder.path().join(name), "do: [sock]").unwrap();
+        }
+        let help = |name: &str| {
+            let mut faults = Faults::default();
+            assert!(Source::read(&folder.path().join(name), &mut faults).is_none());
+            faults.into_sorted().remove(0).help.unwrap()
+        };
+        let meant = folder.path().join("sock_then_trash.yaml");
+        let meant = format!("did you mean '{}'?", meant.display());
+        assert_eq!(help("sock_then_trsh.yaml"), meant);
+        assert!(help("wine.yaml").contains("give the path of a YAML file"));
     }
 }

@@ -60,21 +60,16 @@ pub struct NoPath {
 
 impl fmt::Display for NoPath {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let names: Vec<String> = self
-            .cut_off
-            .iter()
-            .map(|s| format!("{}.{}", s.task, s.name))
-            .collect();
-        write!(
-            f,
-            "no route to a final state; cut off: {}. {}",
-            if names.is_empty() {
-                "only the end".to_owned()
-            } else {
-                names.join(", ")
-            },
-            self.advice
-        )
+        const SHOWN: usize = 8;
+        let first = self.cut_off.iter().take(SHOWN);
+        let first: Vec<String> = first.map(|s| format!("{}.{}", s.task, s.name)).collect();
+        let cut_off = match self.cut_off.len().saturating_sub(SHOWN) {
+            _ if first.is_empty() => "only the end".to_owned(),
+            0 => first.join(", "),
+            more => format!("{} and {more} more", first.join(", ")),
+        };
+        let advice = &self.advice;
+        write!(f, "no route to a final state; cut off: {cut_off}. {advice}")
     }
 }
 
