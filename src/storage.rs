@@ -21,6 +21,7 @@ mod fixtures;
 mod graph_folder;
 mod graph_images;
 mod layout;
+mod left_out;
 mod lerobot;
 mod manifest;
 mod mapping;

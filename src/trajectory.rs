@@ -8,6 +8,7 @@ mod compared;
 mod demonstration;
 mod error;
 mod geometry;
+mod geometry_fault;
 mod image;
 mod observation;
 

@@ -143,7 +143,10 @@ fn described(report: &GapsReport) -> String {
                 miss.from, miss.to, miss.connected_probability
             );
             if let [Some(from), Some(to)] = &miss.pictures {
-                let _ = writeln!(text, "    pictures {from} and {to}");
+                let _ = writeln!(
+                    text,
+                    "    the nearest states of which the graphs keep pictures: {from} and {to}"
+                );
             }
         }
     }

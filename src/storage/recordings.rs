@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::digest::hexadecimal;
-use super::episode::{PRACTICE_NOTE, keys};
+use super::left_out::{why_damaged, why_left_out, why_not_practised_on};
 use super::lerobot::{self, Dataset, inspect_episode, read_episode};
 use super::mapping::{Mapping, is_mapping};
 use super::recording::{inspect_mcap, read_mcap};
@@ -284,9 +284,7 @@ impl Recordings {
         &self,
         task: &str,
     ) -> Result<(DemonstrationSet, Vec<RecordingReport>), StorageError> {
-        self.whole(task, |report| {
-            why_failed(report).or_else(|| why_damaged(report))
-        })
+        self.whole(task, why_not_practised_on)
     }
 
     fn whole(
@@ -399,29 +397,6 @@ pub(super) fn slug(text: &str) -> String {
     } else {
         slug
     }
-}
-
-fn why_left_out(report: &RecordingReport) -> Option<String> {
-    why_failed(report)
-        .or_else(|| why_practice(report))
-        .or_else(|| why_damaged(report))
-}
-
-fn why_failed(report: &RecordingReport) -> Option<String> {
-    let has_failed = report.metadata.get(keys::SUCCESS)? == "false";
-    has_failed.then(|| "its metadata says that the task was not done".to_owned())
-}
-
-fn why_practice(report: &RecordingReport) -> Option<String> {
-    let kind = report.metadata.get(PRACTICE_NOTE)?;
-    Some(format!(
-        "it is practice ({kind}) and no demonstration, `catena train --practice` takes it"
-    ))
-}
-
-fn why_damaged(report: &RecordingReport) -> Option<String> {
-    let damage = report.losses.iter().find(|l| l.breaks_the_sequence())?;
-    Some(format!("steps may be missing: {damage}"))
 }
 
 /// The stem of each file, with its folder where the stem alone is not unique, or the whole path where
