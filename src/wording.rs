@@ -19,9 +19,27 @@ pub(crate) fn counted(number: usize, noun: &str) -> String {
     format!("{} {noun}{ending}", grouped(number))
 }
 
+/// Names with commas, of a long list the first so many and how many more there are: `a, b and 3 more`.
+pub(crate) fn listed(names: impl IntoIterator<Item: AsRef<str>>, most: usize) -> String {
+    let mut names = names.into_iter();
+    let first = names.by_ref().take(most);
+    let first: Vec<String> = first.map(|name| name.as_ref().to_owned()).collect();
+    match names.count() {
+        0 => first.join(", "),
+        more => format!("{} and {more} more", first.join(", ")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn of_a_long_list_the_first_are_named() {
+        assert_eq!(listed([""; 0], 2), "");
+        assert_eq!(listed(["a", "b"], 2), "a, b");
+        assert_eq!(listed(["a", "b", "c", "d"], 2), "a, b and 2 more");
+    }
 
     #[test]
     fn numbers_are_grouped_by_thousands() {

@@ -10,6 +10,7 @@ use super::loaded::in_folder;
 use crate::inference::Model;
 use crate::storage::{ReadOptions, RecordingReport, Recordings, load_manifest};
 use crate::trajectory::{ActionSpace, DemonstrationSet};
+use crate::wording::listed;
 
 /// How recordings are to be read.
 pub(super) fn read_options(arguments: &ReadArguments) -> ReadOptions {
@@ -51,21 +52,11 @@ fn warn(task: &str, reports: &[RecordingReport]) {
     let kept = reports.iter().filter(|r| r.left_out.is_none());
     let told: BTreeSet<&str> = kept.map(|r| r.task.as_str()).collect();
     if told.len() > 1 {
-        let told: Vec<&str> = told.into_iter().collect();
+        const SHOWN: usize = 4;
+        let told = listed(told.iter().map(|told| format!("'{told}'")), SHOWN);
         eprintln!(
-            "warning: the recordings of '{task}' call their task {}; all of them are taken as one task",
-            listed(&told)
+            "warning: the recordings of '{task}' call their task {told}; all of them are taken as one task"
         );
-    }
-}
-
-/// The first of some names.
-fn listed(names: &[&str]) -> String {
-    const SHOWN: usize = 4;
-    let first: Vec<String> = names.iter().take(SHOWN).map(|n| format!("'{n}'")).collect();
-    match names.len().saturating_sub(SHOWN) {
-        0 => first.join(", "),
-        more => format!("{} and {more} more", first.join(", ")),
     }
 }
 

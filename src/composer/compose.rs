@@ -1,4 +1,3 @@
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::composition::Composition;
@@ -7,7 +6,7 @@ use super::diagnostic::{Diagnostic, Faults};
 use super::diagnostics::Diagnostics;
 use super::reader::{Reader, suggestion};
 use super::resolved_task::{ResolvedTask, read_task, read_task_node};
-use super::source::{Located, Source};
+use super::source::{Located, Source, files_in};
 use super::world::KnownWorld;
 use super::yaml::{self, Node, Value};
 use crate::wording::counted;
@@ -200,13 +199,8 @@ fn file_named(root: &Path, folder: &str, name: &str) -> PathBuf {
 
 /// Names of the YAML files of a folder, sorted; none when it cannot be read.
 fn names_in(root: &Path, folder: &str) -> Vec<String> {
-    let files = fs::read_dir(root.join(folder))
-        .into_iter()
-        .flatten()
-        .flatten();
+    let files = files_in(&root.join(folder), &["yaml"]).into_iter();
     let mut names: Vec<String> = files
-        .map(|f| f.path())
-        .filter(|p| p.extension().is_some_and(|e| e == "yaml"))
         .filter_map(|p| Some(p.file_stem()?.to_str()?.to_owned()))
         .collect();
     names.sort();

@@ -9,6 +9,7 @@ use super::way_out;
 use super::world::KnownWorld;
 use super::yaml::{Entry, Node, Value};
 use crate::storage::nearest;
+use crate::wording;
 
 /// Longest name of a task, a subgoal or a composition: they become parts of paths and of pictures.
 const MAX_NAME_CHARS: usize = 64;
@@ -284,11 +285,7 @@ pub(super) fn suggestion<'a>(
 /// The names with commas; a long list is cut.
 pub(super) fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     const MAX_LISTED: usize = 14;
-    let names: Vec<&str> = names.into_iter().collect();
-    match names.len().checked_sub(MAX_LISTED).filter(|more| *more > 0) {
-        None => names.join(", "),
-        Some(more) => format!("{} and {more} more", names[..MAX_LISTED].join(", ")),
-    }
+    wording::listed(names, MAX_LISTED)
 }
 
 /// What is wrong with a name, if anything is.

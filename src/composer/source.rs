@@ -135,17 +135,30 @@ fn neighbour(path: &Path) -> Option<PathBuf> {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
     };
-    let names = fs::read_dir(folder).ok()?.flatten().map(|e| e.file_name());
-    let names = names.filter_map(|name| name.into_string().ok());
-    let is_yaml = |name: &String| [".yaml", ".yml"].iter().any(|end| name.ends_with(end));
-    let mut names: Vec<String> = names.filter(is_yaml).collect();
-    names.retain(|name| !name.contains(char::is_control));
-    names.sort_unstable();
-    let stem = |name: &String| name.rsplit_once('.').map(|(stem, _)| stem.to_owned());
-    let stems: Vec<String> = names.iter().filter_map(stem).collect();
+    let mut files = files_in(folder, &["yaml", "yml"]);
+    let is_printable = |file: &PathBuf| {
+        let name = file.file_name().unwrap_or_default();
+        !name.to_string_lossy().contains(char::is_control)
+    };
+    files.retain(is_printable);
+    files.sort_unstable();
+    let stem = |file: &PathBuf| Some(file.file_stem()?.to_str()?.to_owned());
+    let stems: Vec<String> = files.iter().filter_map(stem).collect();
     let meant = nearest(wanted, stems.iter().map(String::as_str))?;
-    let place = stems.iter().position(|stem| stem == meant)?;
-    Some(path.with_file_name(&names[place]))
+    let meant = files
+        .iter()
+        .find(|file| stem(file).as_deref() == Some(meant));
+    Some(path.with_file_name(meant?.file_name()?))
+}
+
+/// The files of a folder with one of these endings; none when it cannot be read.
+pub(super) fn files_in(folder: &Path, endings: &[&str]) -> Vec<PathBuf> {
+    let files = fs::read_dir(folder).into_iter().flatten().flatten();
+    let has_ending = |file: &PathBuf| {
+        let ending = file.extension().unwrap_or_default();
+        endings.iter().any(|e| ending == *e)
+    };
+    files.map(|f| f.path()).filter(has_ending).collect()
 }
 
 fn read_bounded(path: &Path) -> std::io::Result<Vec<u8>> {

@@ -4,6 +4,7 @@ use super::roads::{Rejection, Roads, road};
 use super::{CostToGo, LiveDistances, Localisation, PlaceId, Planner, Start};
 use crate::graph::{EdgeKind, NodeId};
 use crate::task::Subgoal;
+use crate::wording;
 
 /// The place where a route breaks off that would be easiest to mend.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,12 +62,12 @@ pub struct NoPath {
 impl fmt::Display for NoPath {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         const SHOWN: usize = 8;
-        let first = self.cut_off.iter().take(SHOWN);
-        let first: Vec<String> = first.map(|s| format!("{}.{}", s.task, s.name)).collect();
-        let cut_off = match self.cut_off.len().saturating_sub(SHOWN) {
-            _ if first.is_empty() => "only the end".to_owned(),
-            0 => first.join(", "),
-            more => format!("{} and {more} more", first.join(", ")),
+        let names = self.cut_off.iter();
+        let names = names.map(|s| format!("{}.{}", s.task, s.name));
+        let cut_off = if self.cut_off.is_empty() {
+            "only the end".to_owned()
+        } else {
+            wording::listed(names, SHOWN)
         };
         let advice = &self.advice;
         write!(f, "no route to a final state; cut off: {cut_off}. {advice}")

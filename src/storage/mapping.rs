@@ -11,6 +11,7 @@ use serde_yaml::Spanned;
 
 use super::{StorageError, nearest};
 use crate::trajectory::{ActionSpace, Binning};
+use crate::wording;
 
 pub(super) use actions::ActionShape;
 pub(crate) use read::MAX_BINS;
@@ -180,10 +181,7 @@ impl Mapping {
 /// The nearest name there is, and all of them.
 fn suggestion(kind: &str, wanted: &str, known: &[&str]) -> String {
     const SHOWN: usize = 12;
-    let mut all = known[..known.len().min(SHOWN)].join(", ");
-    if known.len() > SHOWN {
-        all = format!("{all} and {} more", known.len() - SHOWN);
-    }
+    let all = wording::listed(known, SHOWN);
     if all.is_empty() {
         return format!("It has no {kind} at all");
     }

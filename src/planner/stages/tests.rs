@@ -24,6 +24,16 @@ fn step(stages: &mut Stages, support: f64) -> Option<StageChange> {
     stages.vote(&FilterOptions::default(), &view)
 }
 
+/// A gripper that is seen open or, where it is not, to hold a thing.
+fn sight(open: f64, thing: usize) -> GraspSight {
+    GraspSight {
+        open,
+        empty: 0.0,
+        held: 1.0 - open,
+        thing,
+    }
+}
+
 #[test]
 fn a_shortcut_takes_as_long_as_it_is_doubtful_and_is_said_once() {
     let steps = |support: f64| {
@@ -234,12 +244,6 @@ fn a_thing_of_another_task_in_the_gripper_speaks_against_what_is_held_and_put_aw
         let last = seen.last().copied().expect("something is seen");
         stages.weighed(vec![1.0; 3], last)
     };
-    let sight = |open: f64, thing| GraspSight {
-        open,
-        empty: 0.0,
-        held: 1.0 - open,
-        thing,
-    };
     let loads = [Load::Nothing, Load::Thing(1), Load::Nothing];
     let (mine, other, open) = (sight(0.0, 1), sight(0.0, 0), sight(1.0, 0));
     assert_eq!(run(&[mine, mine], loads), [1.0, 1.0, 1.0]);
@@ -362,12 +366,6 @@ fn what_an_episode_showed_is_forgotten_before_the_next() {
 
 #[test]
 fn what_is_put_away_counts_as_seen_where_it_is_let_go_though_little_fits() {
-    let sight = |open: f64, thing| GraspSight {
-        open,
-        empty: 0.0,
-        held: 1.0 - open,
-        thing,
-    };
     let (open, mine, other) = (sight(1.0, 0), sight(0.0, 0), sight(0.0, 1));
     // What is seen before, and how sure it is in the step in which the gripper opens, and in the next, that the stage
     // after is reached. None of these fits; then the robot is at the start of the next task, which does.
@@ -414,12 +412,6 @@ fn what_is_put_away_counts_as_seen_where_it_is_let_go_though_little_fits() {
 
 #[test]
 fn a_gripper_that_did_not_shut_to_take_a_thing_puts_none_away() {
-    let sight = |open: f64, thing| GraspSight {
-        open,
-        empty: 0.0,
-        held: 1.0 - open,
-        thing,
-    };
     let (open, first, second) = (sight(1.0, 0), sight(0.0, 0), sight(0.0, 1));
     let run = |on_the_way: &[GraspSight], accept: bool| {
         let mut stages = Stages::new(6, &[3]);

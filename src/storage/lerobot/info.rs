@@ -9,6 +9,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::{INFO, StorageError, fault};
+use crate::wording;
 
 /// Metadata beyond this is no metadata; that of 100,000 episodes has a tenth of it.
 pub(super) const MAX_META_BYTES: u64 = 256 << 20;
@@ -179,11 +180,11 @@ fn flat_names(names: &Value) -> Vec<String> {
 
 pub(super) fn listed<'a>(names: impl Iterator<Item = &'a String>) -> String {
     const SHOWN: usize = 14;
-    let names: Vec<&str> = names.map(String::as_str).collect();
-    match names.len().checked_sub(SHOWN).filter(|more| *more > 0) {
-        None if names.is_empty() => "none".to_owned(),
-        None => names.join(", "),
-        Some(more) => format!("{} and {more} more", names[..SHOWN].join(", ")),
+    let all = wording::listed(names, SHOWN);
+    if all.is_empty() {
+        "none".to_owned()
+    } else {
+        all
     }
 }
 
