@@ -56,7 +56,7 @@ pub use config::{
     AugmentationConfig, EncoderConfig, ImitationConfig, NetworkConfig, OptimiserConfig,
     SamplingConfig, TrainingConfig,
 };
-pub use dataset::{Dataset, StateRef};
+pub use dataset::{Dataset, Split, StateRef};
 pub use device::training_device;
 pub use error::TrainingError;
 pub use export::{export, export_baseline};

@@ -7,7 +7,7 @@ use super::error::CliError;
 use super::evaluate::episodes;
 use super::loaded::bedroom_at;
 use super::progress;
-use super::train::{CHECKPOINT, Prepared, Printer, prepared};
+use super::train::{CHECKPOINT, Prepared, Printer, prepared, tell_ended};
 use super::training_config::{baseline_config, write_run};
 use super::worlds::composed;
 use crate::composer::ResolvedTask;
@@ -70,6 +70,7 @@ pub(super) fn train_method(
         .map(|encoder| encoder as &dyn FeatureEncoder);
     let report = train_baseline(&sets, &config, frozen, &run_folder, &mut printer)?;
     printer.bar.finish_and_clear();
+    tell_ended(report.states_per_sec, &run_folder);
     let manifest = export_baseline(&report.baseline, digests, &arguments.out)?;
     println!(
         "{} steps in {:.0} s ({:.0} states/s); best after step {}: held-out loss {:.3}, {:.1} % of actions \

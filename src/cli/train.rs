@@ -1,25 +1,23 @@
+mod place;
+mod printer;
+mod sets;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use indicatif::ProgressBar;
-
 use super::arguments::{Arguments, TrainArguments};
 use super::baseline::{method_of, train_method};
-use super::demonstrations::{ReadSet, read_demonstrations, read_options, read_practice};
+use super::demonstrations::{read_demonstrations, read_options, read_practice};
 use super::error::CliError;
 use super::progress;
 use super::training_config::{training_config, write_run, written_config};
 use crate::inference::Model;
-use crate::model::{
-    ENCODER_FILE, LANDMARKS_FILE, MANIFEST_FILE, POLICY_FILE, PROJECTION_FILE, TRAVERSABILITY_FILE,
-};
-use crate::storage::{ReadOptions, Recordings, what_would_be_lost};
-use crate::training::{
-    FinishedModel, GripperPractice, Practised, TrainingEvent, TrainingObserver, export,
-    train as fit,
-};
-use crate::trajectory::{ActionDimension, ActionSpace, Binning, DemonstrationSet};
+use crate::training::{FinishedModel, GripperPractice, Practised, export, train as fit};
+use crate::trajectory::DemonstrationSet;
 use crate::wording::counted;
+use place::check_model_place;
+pub(super) use printer::Printer;
+use sets::{describe_bins, load_sets};
 
 /// `catena train`: demonstrations to a model in a folder of ONNX files.
 pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), CliError> {
@@ -57,6 +55,7 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
     };
     let mut report = fit(&sets, &config, &run_folder, &mut printer)?;
     printer.bar.finish_and_clear();
+    tell_ended(report.states_per_sec, &run_folder);
     if !runs.is_empty() {
         say_practised(practice.teach(&config, report.model.landmarks.as_mut())?);
     }
@@ -191,43 +190,20 @@ pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError>
     })
 }
 
+/// Says so where nothing was left to train: not even a later time limit adds to a training that has ended.
+pub(super) fn tell_ended(states_per_sec: f64, run_folder: &Path) {
+    if states_per_sec == 0.0 {
+        println!(
+            "the training in {} has ended before, and nothing is added to it; for a longer one name another folder with \
+             --run",
+            run_folder.display()
+        );
+    }
+}
+
 /// A path from the root on.
 fn whole(path: &Path) -> PathBuf {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
-}
-
-/// All files that a model's or a baseline's folder may hold.
-const MODEL_FILES: [&str; 6] = [
-    ENCODER_FILE,
-    PROJECTION_FILE,
-    TRAVERSABILITY_FILE,
-    POLICY_FILE,
-    LANDMARKS_FILE,
-    MANIFEST_FILE,
-];
-/// How the name of one ends that a killed export left.
-const UNFINISHED: &str = ".partial";
-
-/// Checks that a model can be written to a place that is not there, empty, or another model's, so that nothing else is
-/// lost.
-fn check_model_place(out: &Path) -> Result<(), CliError> {
-    let path = out.to_owned();
-    if out.is_file() {
-        return Err(CliError::OutIsFile { path });
-    }
-    let is_of_model = |name: &str| {
-        let finished = name.strip_suffix(UNFINISHED).unwrap_or(name);
-        MODEL_FILES.contains(&finished)
-    };
-    match what_would_be_lost(out, is_of_model)? {
-        None => Ok(()),
-        Some(what) => Err(CliError::OutHoldsOthers { path, what }),
-    }
-}
-
-/// A share for people; "none" where there was nothing to measure.
-fn percent(share: Option<f64>) -> String {
-    share.map_or_else(|| "none".to_owned(), |s| format!("{:.1} %", 100.0 * s))
 }
 
 /// The trainer's checkpoint in its run folder.
@@ -240,204 +216,7 @@ fn beside(model: &Path) -> PathBuf {
     model.with_file_name(name)
 }
 
-/// Each path as a set of its own, or several of a dataset that has several tasks, with their digests by the
-/// tasks' names. Continuous actions of all sets are binned together.
-pub(super) fn load_sets(
-    paths: &[PathBuf],
-    bins: usize,
-    options: &ReadOptions,
-    read: fn(&Recordings, &str) -> Result<ReadSet, CliError>,
-) -> Result<(Vec<DemonstrationSet>, BTreeMap<String, String>), CliError> {
-    let mut sets = Vec::new();
-    let mut digests = BTreeMap::new();
-    let mut binning: Option<(&Path, Binning)> = None;
-    for path in paths {
-        let recordings = Recordings::open(std::slice::from_ref(path), options)?;
-        let digest = recordings.digest()?;
-        for task in recordings.tasks() {
-            let (set, _) = read(&recordings, &task)?;
-            if digests.insert(task.clone(), digest.clone()).is_some() {
-                return Err(CliError::TaskTwice {
-                    task,
-                    path: path.clone(),
-                });
-            }
-            sets.push(set);
-        }
-        let own = recordings.binning(bins);
-        match &binning {
-            Some((first, other)) if *other != own => {
-                return Err(CliError::BinningsDiffer {
-                    first: first.to_path_buf(),
-                    other: path.clone(),
-                });
-            }
-            _ => binning = Some((path, own)),
-        }
-    }
-    let binning = binning.map_or_else(|| Binning::uniform(bins), |(_, binning)| binning);
-    Ok((binned(sets, &binning)?, digests))
-}
-
-fn binned(
-    sets: Vec<DemonstrationSet>,
-    binning: &Binning,
-) -> Result<Vec<DemonstrationSet>, CliError> {
-    let Some(first) = sets.first() else {
-        return Ok(sets);
-    };
-    let actions = sets
-        .iter()
-        .flat_map(DemonstrationSet::trajectories)
-        .flat_map(|t| t.steps.iter().map(|s| &s.action));
-    let space = first.action_space().binned_by(actions, binning)?;
-    if space == *first.action_space() {
-        return Ok(sets);
-    }
-    let rebinned = sets.iter().map(|set| {
-        if set.action_space() != first.action_space() {
-            // Told by the training, with the names of both sets.
-            return Ok(set.clone());
-        }
-        let mut trajectories = set.trajectories().to_vec();
-        for trajectory in &mut trajectories {
-            trajectory.action_space = space.clone();
-        }
-        DemonstrationSet::new(set.task(), trajectories)
-    });
-    Ok(rebinned.collect::<Result<_, _>>()?)
-}
-
-/// How each dimension of binned actions is cut, a line each.
-fn describe_bins(space: &ActionSpace) -> String {
-    let ActionSpace::Binned { dimensions } = space else {
-        return String::new();
-    };
-    let line = |d: &ActionDimension| {
-        let spacing = if d.edges.is_empty() {
-            "equal"
-        } else {
-            "by quantiles"
-        };
-        format!(
-            "\n  {:<12} {:>3} bins, {spacing}, {} to {}",
-            d.name, d.bins, d.low, d.high
-        )
-    };
-    dimensions.iter().map(line).collect()
-}
-
-/// Tells people how a training goes.
-pub(super) struct Printer {
-    pub(super) bar: ProgressBar,
-}
-
-impl Printer {
-    fn print(&self, line: String) {
-        if self.bar.is_hidden() {
-            println!("{line}");
-        } else {
-            self.bar.println(line);
-        }
-    }
-}
-
-impl TrainingObserver for Printer {
-    fn notice(&mut self, event: &TrainingEvent) {
-        match event {
-            TrainingEvent::Started {
-                training_states,
-                validation_states,
-                resumed_from,
-                parameters,
-                ..
-            } => {
-                self.print(format!(
-                    "{training_states} states to train on, {validation_states} held out, {parameters} weights"
-                ));
-                self.bar.set_position(*resumed_from);
-                self.bar.reset_eta();
-            }
-            TrainingEvent::Step {
-                step,
-                losses,
-                states_per_sec,
-                ..
-            } => {
-                self.bar.set_position(*step);
-                self.bar.set_message(format!(
-                    "loss {:.3}, {states_per_sec:.0} states/s",
-                    losses.total
-                ));
-            }
-            TrainingEvent::Validated {
-                step,
-                metrics,
-                is_best,
-                ..
-            } => {
-                let line = format!(
-                    "step {step:>6}: held out: traversability loss {:.3}, {:.1} % right; policy loss {:.3}, {:.1} % right, across {}{}{}{}",
-                    metrics.traversability_loss,
-                    100.0 * metrics.traversability_accuracy,
-                    metrics.policy_loss,
-                    100.0 * metrics.policy_accuracy,
-                    percent(metrics.policy_accuracy_across),
-                    (metrics.motion_explained).map_or_else(String::new, |e| format!(
-                        "; motion to go {:.1} % explained",
-                        100.0 * e
-                    )),
-                    (metrics.landmark_error_pixels)
-                        .map_or_else(String::new, |e| format!("; landmarks {e:.1} pixels off")),
-                    if *is_best { "  (best)" } else { "" },
-                );
-                self.print(line);
-            }
-            TrainingEvent::BaselineValidated {
-                step,
-                validation,
-                is_best,
-            } => self.print(format!(
-                "step {step:>6}: held out: loss {:.3}, {:.1} % of actions right{}",
-                validation.loss,
-                100.0 * validation.accuracy,
-                if *is_best { "  (best)" } else { "" },
-            )),
-            TrainingEvent::CheckpointWritten { .. } => {}
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::fs;
-
-    use super::*;
-
-    #[test]
-    fn a_model_takes_the_place_of_nothing_but_a_model() {
-        let root = tempfile::tempdir().unwrap();
-        let out = root.path().join("model");
-        check_model_place(&out).unwrap();
-        fs::create_dir(&out).unwrap();
-        check_model_place(&out).unwrap();
-        for file in MODEL_FILES {
-            fs::write(out.join(file), "").unwrap();
-        }
-        fs::write(out.join("policy.onnx.partial"), "").unwrap();
-        check_model_place(&out).unwrap();
-        let precious = out.join("thesis.tex");
-        fs::write(&precious, "years").unwrap();
-        let refused = check_model_place(&out).unwrap_err().to_string();
-        assert!(
-            refused.contains("model holds thesis.tex") && refused.contains("--out"),
-            "{refused}"
-        );
-        let refused = check_model_place(&precious).unwrap_err().to_string();
-        assert!(refused.contains("is a file"), "{refused}");
-        // What another command wrote, whose manifest a model's would replace.
-        let graph = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/bedroom");
-        check_model_place(&graph.join("model")).unwrap();
-        check_model_place(&graph.join("sock")).unwrap_err();
-    }
+/// A share for people; "none" where there was nothing to measure.
+fn percent(share: Option<f64>) -> String {
+    share.map_or_else(|| "none".to_owned(), |s| format!("{:.1} %", 100.0 * s))
 }

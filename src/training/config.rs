@@ -293,23 +293,20 @@ impl TrainingConfig {
             self.checkpoint_every_steps,
             "it must be 1 or more",
         )?;
-        demand(
-            self.motion_weight >= 0.0,
-            "motion_weight",
-            self.motion_weight,
-            "it must be 0 or more",
-        )?;
+        check_ends(self.patience_validations, self.max_minutes)?;
+        for (field, weight) in [
+            ("far_weight", self.far_weight),
+            ("policy_weight", self.policy_weight),
+            ("motion_weight", self.motion_weight),
+        ] {
+            demand(weight >= 0.0, field, weight, "it must be 0 or more")?;
+        }
         if let Some(landmarks) = &self.landmarks {
             landmarks.check(encoder)?;
         }
         check_validation_share(self.validation_share)?;
-        encoder.check_stem("network.encoder.stem_kernel")?;
-        demand(
-            encoder.latent_dim > 0 && self.network.projection_width > 0,
-            "network.encoder.latent_dim",
-            encoder.latent_dim,
-            "no width may be 0",
-        )?;
+        encoder.check("network.encoder")?;
+        self.check_heads()?;
         demand(
             sampling.window >= self.d_max,
             "sampling.window",
@@ -351,36 +348,93 @@ impl TrainingConfig {
         )?;
         self.optimiser.check()
     }
+
+    fn check_heads(&self) -> Result<(), TrainingError> {
+        let network = &self.network;
+        let motion = self.tells_motion().then_some(network.motion_width);
+        let widths = [
+            ("network.projection_width", Some(network.projection_width)),
+            ("network.hidden_width", Some(network.hidden_width)),
+            ("network.motion_width", motion),
+        ];
+        for (field, width) in widths {
+            demand(width != Some(0), field, 0, NO_WIDTH)?;
+        }
+        Ok(())
+    }
 }
 
+/// What is said of a layer of nothing.
+const NO_WIDTH: &str = "no width may be 0";
+
 impl EncoderConfig {
-    /// Checks the patches of the first layer; `field` is what `stem_kernel` is called.
+    /// Checks the patches of the first layer and all widths; `place` is what the encoder is called.
     ///
     /// # Errors
     /// [`TrainingError::Config`].
-    pub(super) fn check_stem(&self, field: &'static str) -> Result<(), TrainingError> {
+    pub(super) fn check(&self, place: &str) -> Result<(), TrainingError> {
         demand(
             self.stem_stride > 0 && self.stem_kernel >= self.stem_stride,
-            field,
+            &format!("{place}.stem_kernel"),
             self.stem_kernel,
             "it must be at least stem_stride, which must be 1 or more",
-        )
+        )?;
+        let stages = self.stage_channels.iter();
+        let widths = [
+            ("stem_channels", self.stem_channels),
+            ("latent_dim", self.latent_dim),
+        ];
+        for (field, width) in widths
+            .into_iter()
+            .chain(stages.map(|width| ("stage_channels", *width)))
+        {
+            demand(width > 0, &format!("{place}.{field}"), width, NO_WIDTH)?;
+        }
+        Ok(())
     }
 }
 
 impl OptimiserConfig {
-    /// Checks the learning rate.
+    /// Checks the learning rate, and that weights change at all.
     ///
     /// # Errors
     /// [`TrainingError::Config`].
     pub(super) fn check(&self) -> Result<(), TrainingError> {
-        demand(
-            self.learning_rate > 0.0,
-            "optimiser.learning_rate",
-            self.learning_rate,
-            "it must be above 0",
-        )
+        for (field, value) in [
+            ("optimiser.learning_rate", self.learning_rate),
+            ("optimiser.clip_norm", f64::from(self.clip_norm)),
+        ] {
+            demand(value > 0.0, field, value, "it must be above 0")?;
+        }
+        Ok(())
     }
+}
+
+/// Checks what ends a training before its last step.
+///
+/// # Errors
+/// [`TrainingError::Config`].
+pub(super) fn check_ends(
+    patience_validations: Option<u64>,
+    max_minutes: Option<f64>,
+) -> Result<(), TrainingError> {
+    if let Some(validations) = patience_validations {
+        demand(
+            validations > 0,
+            "patience_validations",
+            validations,
+            "it must be 1 or more; null goes on to the last step",
+        )?;
+    }
+    if let Some(minutes) = max_minutes {
+        demand(
+            minutes > 0.0,
+            "max_minutes",
+            minutes,
+            "it must be above 0; null sets no limit",
+        )?;
+    }
+    Ok(())
 }
 
 /// Checks the share of demonstrations that is held out.
@@ -449,6 +503,44 @@ mod tests {
             let message = config.check().unwrap_err().to_string();
             assert!(message.contains("sampling.missed_grasp_share"), "{message}");
         }
+    }
+
+    #[test]
+    fn what_would_break_a_training_later_is_refused_by_its_name() {
+        let refused = |change: fn(&mut TrainingConfig), told: &str| {
+            let mut config = TrainingConfig::default();
+            change(&mut config);
+            let message = config.check().unwrap_err().to_string();
+            assert!(message.contains(told), "{told} is not in {message}");
+        };
+        refused(
+            |c| c.network.projection_width = 0,
+            "network.projection_width is 0",
+        );
+        refused(|c| c.network.hidden_width = 0, "network.hidden_width is 0");
+        refused(
+            |c| (c.motion_weight, c.network.motion_width) = (1.0, 0),
+            "network.motion_width is 0",
+        );
+        refused(
+            |c| c.network.encoder.stem_channels = 0,
+            "network.encoder.stem_channels is 0",
+        );
+        refused(
+            |c| c.network.encoder.stage_channels[1] = 0,
+            "network.encoder.stage_channels is 0",
+        );
+        refused(|c| c.policy_weight = -1.0, "policy_weight is -1");
+        refused(|c| c.far_weight = -1.0, "far_weight is -1");
+        refused(|c| c.optimiser.clip_norm = 0.0, "optimiser.clip_norm is 0");
+        refused(
+            |c| c.patience_validations = Some(0),
+            "patience_validations is 0",
+        );
+        refused(|c| c.max_minutes = Some(0.0), "max_minutes is 0");
+        let mut config = TrainingConfig::default();
+        config.network.motion_width = 0;
+        config.check().unwrap();
     }
 
     #[test]

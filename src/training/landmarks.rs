@@ -146,6 +146,12 @@ pub fn check_landmarks(config: &TrainingConfig, data: &Dataset) -> Result<(), Tr
             landmarks.count
         ));
     }
+    if needed == 0 && landmark_count(config) > 0 {
+        return refuse(
+            "in no task do half of the demonstrations close or open the gripper, missed grasps not counted"
+                .to_owned(),
+        );
+    }
     Ok(())
 }
 

@@ -10,7 +10,8 @@
 //!   every state is covered by exactly `window` windows and every pair of neighbours `k` steps apart
 //!   by exactly `window - k` of them, wherever it lies.
 //! - Near pairs are all pairs within a window. Within a class each has the same chance, so their mean
-//!   estimates the class's mean; the classes are then weighted alike.
+//!   estimates the class's mean; the classes are then weighted alike. (Of the first class, a state with
+//!   itself comes up `window` times where one with the next state does `window - 1` times.)
 //! - Far pairs join states of different windows. These were drawn independently and every state is
 //!   equally likely, so the pair is uniform over all ordered pairs; near ones are drawn again.
 //!

@@ -317,7 +317,9 @@ fn check_same(
     let mut config = found.config.clone();
     config.max_minutes = wanted.config.max_minutes;
     let demonstrations = [&*found.demonstrations, &*wanted.demonstrations];
-    match what_differs([&config, &wanted.config], demonstrations) {
+    let what = what_differs([&config, &wanted.config], demonstrations)
+        .or_else(|| (found.spec != wanted.spec).then(|| "actions or cameras".to_owned()));
+    match what {
         None => Ok(()),
         Some(what) => Err(TrainingError::CheckpointOfAnother {
             path: <Checkpoint>::path(folder),
@@ -342,10 +344,13 @@ fn landmark_book(
         encode(&model.network, states, pictures, &Device::flex())
             .expect("the dataset has every camera in every observation")
     };
-    let latents = encode(&states);
-    let told: Vec<Vec<f32>> = (model.network.landmarks_of(&latents).into_iter())
-        .map(values)
-        .collect();
+    // Of few demonstrations all in which the gripper closes or opens may be held out.
+    let told: Vec<Vec<f32>> = if states.is_empty() {
+        Vec::new()
+    } else {
+        let told = model.network.landmarks_of(&encode(&states)).into_iter();
+        told.map(values).collect()
+    };
     let errors = landmarks.errors_before_events(&seen, &told, &pictures.grids);
     let mut book = Landmarks::book(data, &model.config, &pictures.grids, &errors)?;
     let latents_of = |states: &[State]| {

@@ -3,7 +3,8 @@ use serde::{Deserialize, Serialize};
 use super::{NetworkConfig, TrainingConfig};
 
 /// Where and how a network joins two states (Fu & Finn, sections III-F and IV-B: the paper's own way and
-/// the ablations of Table III and Figure 5). All share one trainer, one objective and one way to be deployed.
+/// the ablations of Table III and Figure 5). All share one trainer, one objective and one way to be deployed; those that
+/// join two states in their pixels go without landmarks and the motion to go, and so without what runs make of them.
 ///
 /// The first layer that sees two states is linear. So what it makes of a difference is a difference of what
 /// it makes of the two: [`Siamese`](Self::Siamese) can express what [`LatentFlow`](Self::LatentFlow) can,

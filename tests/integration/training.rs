@@ -48,6 +48,9 @@ fn a_run_folder_is_enough_to_repeat_its_training() {
         "head",
     ];
     train(&at("model"), &at("run"), &flags);
+    let resumed = [&flags[..], &["--resume"]].concat();
+    let ended = train(&at("model"), &at("run"), &resumed);
+    assert!(ended.contains("has ended before"), "{ended}");
     let config = at("run").join("config.json");
     train(&at("again"), &at("run2"), &["--config", path(&config)]);
     let (first, second) = (manifest(&at("model")), manifest(&at("again")));

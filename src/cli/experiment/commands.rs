@@ -93,12 +93,13 @@ impl Commands {
         log: Option<&Path>,
         engine: Option<&str>,
     ) -> Result<Command, CliError> {
-        println!("$ {}", shown(words));
+        let mut words = words.to_vec();
+        if let Some(engine) = engine.or(self.engine) {
+            words.extend(["--engine".into(), engine.into()]);
+        }
+        println!("$ {}", shown(&words));
         let mut command = Command::new(&self.executable);
         command.args(words);
-        if let Some(engine) = engine.or(self.engine) {
-            command.args(["--engine", engine]);
-        }
         let Some(log) = log else {
             command.stderr(Stdio::inherit());
             return Ok(command);

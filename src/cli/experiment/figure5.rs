@@ -83,8 +83,9 @@ fn draw(out: &Path, size: &Size) -> Result<(), CliError> {
     let mut curves: Vec<LossCurve> = Vec::new();
     for method in TABLE_3 {
         // The paper's three seeds count, too, whichever call measured them.
-        let last = (size.training_seed + size.seeds).max(1 + SEEDS);
-        for seed in 0..last {
+        let asked = size.training_seed..size.training_seed.saturating_add(size.seeds);
+        let of_paper = (0..=SEEDS).filter(|seed| !asked.contains(seed));
+        for seed in of_paper.chain(asked.clone()) {
             curves.extend(kept(&curve_file(out, method.name, seed))?);
         }
     }

@@ -56,7 +56,7 @@ impl Size {
             demonstrations: if arguments.demonstrations.is_empty() {
                 usual.to_vec()
             } else {
-                arguments.demonstrations.clone()
+                rising(&arguments.demonstrations)
             },
             episodes: arguments.episodes.unwrap_or(episodes),
             seed: arguments.seed,
@@ -113,6 +113,14 @@ impl Size {
     }
 }
 
+/// Numbers in rising order, each once: two jobs must not work in one folder.
+fn rising(numbers: &[usize]) -> Vec<usize> {
+    let mut numbers = numbers.to_vec();
+    numbers.sort_unstable();
+    numbers.dedup();
+    numbers
+}
+
 /// Where an experiment's cells go: a folder that is there, so that it is not missed after hours.
 pub(super) fn out(arguments: &PaperArguments, name: &str) -> Result<PathBuf, CliError> {
     let parent = if arguments.quick {
@@ -140,3 +148,13 @@ pub(super) fn digest(of: &impl Serialize) -> Result<String, CliError> {
 /// What is said of the small version.
 pub(super) const QUICK_NOTE: &str = "small version (--quick): few demonstrations and episodes, a training that \
      ends long before its losses do; it shows that everything runs, not how well it works";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_that_is_named_twice_is_measured_once() {
+        assert_eq!(rising(&[30, 10, 30]), [10, 30]);
+    }
+}

@@ -91,7 +91,7 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
     for (method, demonstrations, engine, described, Missing { file, digest }) in cells {
         let seed = size.training_seed;
         let trained = workshop.trained(&method, demonstrations, &size, seed, true)?;
-        let command = evaluation(&method, &trained, TASK, &size);
+        let mut command = evaluation(&method, &trained, TASK, &size);
         let found: Evaluation = match workshop.json(&trained, &command, Some(engine)) {
             Ok(found) => found,
             Err(error) => {
@@ -99,6 +99,7 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
                 continue;
             }
         };
+        command.extend(["--engine".into(), engine.into()]);
         let cell = TimeCell {
             method: method.name.to_owned(),
             demonstrations,

@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::model::BaselineMethod;
-use crate::training::config::{check_shares, check_validation_share, demand};
+use crate::training::config::{check_ends, check_shares, check_validation_share, demand};
 use crate::training::{
     AugmentationConfig, EncoderConfig, ImitationConfig, OptimiserConfig, Preset, TrainingConfig,
     TrainingError,
@@ -171,7 +171,8 @@ impl BaselineConfig {
             "the features of a frozen encoder are those of the pictures as they are: it must be 0",
         )?;
         check_validation_share(self.validation_share)?;
-        self.encoder.check_stem("encoder.stem_kernel")?;
+        check_ends(self.patience_validations, self.max_minutes)?;
+        self.encoder.check("encoder")?;
         demand(
             self.transformer
                 .width
@@ -202,7 +203,6 @@ impl BaselineConfig {
             ),
             ("windows", self.windows),
             ("goals", self.goals),
-            ("encoder.latent_dim", self.encoder.latent_dim),
             ("hidden_width", self.hidden_width),
             ("memory_width", self.memory_width),
             ("transformer.tokens", transformer.tokens),
@@ -249,5 +249,9 @@ mod tests {
         assert!(message.contains("transformer.heads is 3"), "{message}");
         let message = refused(BaselineMethod::Rt1, |c| c.windows = 0);
         assert!(message.contains("windows is 0"), "{message}");
+        let message = refused(BaselineMethod::Bc, |c| c.encoder.latent_dim = 0);
+        assert!(message.contains("encoder.latent_dim is 0"), "{message}");
+        let message = refused(BaselineMethod::Bc, |c| c.patience_validations = Some(0));
+        assert!(message.contains("patience_validations is 0"), "{message}");
     }
 }

@@ -302,9 +302,10 @@ fn check_same(
     let mut config = found.config.clone();
     config.max_minutes = wanted.config.max_minutes;
     let demonstrations = [&*found.demonstrations, &*wanted.demonstrations];
-    let is_of_another_encoder = (&found.frozen, &found.spec) != (&wanted.frozen, &wanted.spec);
+    let [encoder, wanted_encoder] = [found, wanted].map(|s| (&s.frozen, &s.spec.frozen));
     let what = what_differs([&config, &wanted.config], demonstrations)
-        .or_else(|| is_of_another_encoder.then(|| "frozen encoders".to_owned()));
+        .or_else(|| (encoder != wanted_encoder).then(|| "frozen encoders".to_owned()))
+        .or_else(|| (found.spec != wanted.spec).then(|| "actions or cameras".to_owned()));
     match what {
         None => Ok(()),
         Some(what) => Err(TrainingError::CheckpointOfAnother {

@@ -28,23 +28,7 @@ pub(super) fn grasp_sense(
     imitation: &ImitationConfig,
 ) -> Option<GraspSense> {
     let (camera, region) = carried_camera(data, config)?;
-    let (classes, things) = classes(data, imitation);
-    let mut classes: Vec<Rows> = (classes.into_iter())
-        .map(|states| vec![of(states, data)])
-        .collect();
-    if let Some(runs) = practice {
-        let shown = practised(runs, imitation);
-        classes[EMPTY][0].extend(of(shown.empty, runs));
-        for (states, task) in shown.held.into_iter().zip(runs.tasks()) {
-            let thing = things.iter().position(|thing| thing == task);
-            if let Some(thing) = thing.filter(|_| !states.is_empty()) {
-                classes[EMPTY + 1 + thing].push(of(states, runs));
-            }
-        }
-    }
-    if classes[EMPTY][0].len() < LEAST_EMPTY || classes[0][0].is_empty() || classes.len() < 3 {
-        return None;
-    }
+    let (classes, things) = all_shown(data, practice, imitation)?;
     let (mut targets, mut rows) = (Vec::new(), Vec::new());
     for (class, sources) in classes.iter().enumerate() {
         // Each class weighs alike, and in it practice as much as demonstrations, of which there are many more.
@@ -76,6 +60,32 @@ pub(super) fn grasp_sense(
 
 /// States of one class, by where they are from, with their recordings.
 type Rows<'a> = Vec<Vec<(&'a Dataset, StateRef)>>;
+
+/// The states of each class that demonstrations and practice show, and the tasks whose things are held; none where one
+/// kind is never shown, or too seldom.
+pub(super) fn all_shown<'a>(
+    data: &'a Dataset,
+    practice: Option<&'a Dataset>,
+    imitation: &ImitationConfig,
+) -> Option<(Vec<Rows<'a>>, Vec<String>)> {
+    let (classes, things) = classes(data, imitation);
+    let mut classes: Vec<Rows<'a>> = (classes.into_iter())
+        .map(|states| vec![of(states, data)])
+        .collect();
+    if let Some(runs) = practice {
+        let shown = practised(runs, imitation);
+        classes[EMPTY][0].extend(of(shown.empty, runs));
+        for (states, task) in shown.held.into_iter().zip(runs.tasks()) {
+            let thing = things.iter().position(|thing| thing == task);
+            if let Some(thing) = thing.filter(|_| !states.is_empty()) {
+                classes[EMPTY + 1 + thing].push(of(states, runs));
+            }
+        }
+    }
+    let is_enough =
+        classes[EMPTY][0].len() >= LEAST_EMPTY && !classes[0][0].is_empty() && classes.len() >= 3;
+    is_enough.then_some((classes, things))
+}
 
 fn of(states: Vec<StateRef>, shown: &Dataset) -> Vec<(&Dataset, StateRef)> {
     states.into_iter().map(|at| (shown, at)).collect()
@@ -396,12 +406,41 @@ mod tests {
             true,
         );
         assert!(told.contains("never closes"), "{told}");
+        let one = dry.trajectories()[..1].to_vec();
+        let told = refused(
+            &[DemonstrationSet::new("sock", one).unwrap()],
+            &config,
+            true,
+        );
+        assert!(told.contains("fewer than two recordings"), "{told}");
         let runs = [dry];
         let told = refused(&runs, &config, false);
         assert!(told.contains("no landmarks"), "{told}");
         config.cameras = vec!["head".to_owned()];
         let told = refused(&runs, &config, true);
         assert!(told.contains("no camera"), "{told}");
+    }
+
+    #[test]
+    fn practice_that_shows_too_little_is_refused_before_the_training() {
+        let sure = Habits {
+            missed_grasp: 0.0,
+            ..MISSES
+        };
+        let mut brief = set(30..32, DRY).trajectories().to_vec();
+        let data = Dataset::new(&[set(30..32, DRY)]).unwrap();
+        for (number, run) in (0..).zip(&mut brief) {
+            let mut events = data.gripper_events(number).iter();
+            let closed = events.find(|(_, event)| *event == GripperEvent::Close);
+            run.steps.truncate(closed.expect("it closes").0 + 3);
+            run.markers.clear();
+        }
+        let practice = GripperPractice {
+            runs: &[DemonstrationSet::new("sock", brief).unwrap()],
+            demonstrations: &[set(1..3, sure)],
+        };
+        let told = practice.check(&bedroom()).unwrap_err().to_string();
+        assert!(told.contains("or too few"), "{told}");
     }
 
     #[test]

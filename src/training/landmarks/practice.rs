@@ -1,7 +1,7 @@
 //! What practice with the gripper teaches: what an empty one looks like wherever a run may carry it, and one that holds
 //! a thing oddly.
 
-use super::grasps::{carried_camera, grasp_sense, practised};
+use super::grasps::{all_shown, carried_camera, grasp_sense, practised};
 use super::landmark_count;
 use crate::model::LandmarkBook;
 use crate::training::{Dataset, TrainingConfig, TrainingError};
@@ -29,6 +29,9 @@ pub struct Practised {
     /// One that holds something.
     pub held: usize,
 }
+
+const TOO_FEW: &str = "of open grippers, of empty ones and of ones that hold something, the recordings never show one \
+     kind, or too few";
 
 fn refuse(reason: &str) -> TrainingError {
     let reason = reason.to_owned();
@@ -61,16 +64,20 @@ impl GripperPractice<'_> {
         let [demonstrations, runs] = self.seen_by(config)?;
         let practised = usable(config, &demonstrations, &runs)?;
         let learnt = grasp_sense(&demonstrations, Some(&runs), landmarks, &config.imitation);
-        book.grasp = Some(learnt.ok_or_else(|| {
-            refuse("of open grippers, of empty ones and of ones that hold something, the recordings never show one kind, or too few")
-        })?);
+        book.grasp = Some(learnt.ok_or_else(|| refuse(TOO_FEW))?);
         Ok(practised)
     }
 
     /// Demonstrations and practice, as the model sees them.
     fn seen_by(&self, config: &TrainingConfig) -> Result<[Dataset; 2], TrainingError> {
         let seen = |sets| Dataset::new(sets)?.seen_by(&config.cameras);
-        Ok([seen(self.demonstrations)?, seen(self.runs)?])
+        let runs = seen(self.runs).map_err(|error| match error {
+            TrainingError::TooFewDemonstrations { .. } => {
+                refuse("it holds fewer than two recordings")
+            }
+            error => error,
+        });
+        Ok([seen(self.demonstrations)?, runs?])
     }
 }
 
@@ -107,6 +114,9 @@ fn usable(
     };
     if practised.empty + practised.held == 0 {
         return Err(refuse("the gripper never closes in it"));
+    }
+    if all_shown(demonstrations, Some(runs), &config.imitation).is_none() {
+        return Err(refuse(TOO_FEW));
     }
     Ok(practised)
 }

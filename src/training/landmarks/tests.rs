@@ -1,7 +1,7 @@
 use super::*;
 use crate::model::{Latents, ModelError};
 use crate::training::trained_model::spec_of;
-use crate::training::{Preset, synthetic};
+use crate::training::{NetworkVariant, Preset, synthetic};
 use crate::trajectory::{DemonstrationSet, State, Trajectory};
 
 const NAMES: [&str; 4] = ["left", "ahead", "gripper_close", "gripper_open"];
@@ -282,4 +282,9 @@ fn what_shows_no_landmarks_is_refused_with_the_reason() {
     refused(&|l| l.robot.primitives.clear(), &data, "describes none of");
     let without = Dataset::new(&[synthetic::demonstrations("a", 2, 9, 1)]).unwrap();
     refused(&|_| (), &without, "neither `gripper_close` nor");
+    let still = dataset(&[[0, 0, 1, 1, 1, 0, 0, 0, 0]]);
+    refused(&|_| (), &still, "in no task do half of");
+    let mut of_pairs = config();
+    of_pairs.network.variant = NetworkVariant::PixelDifference;
+    check_landmarks(&of_pairs, &still).unwrap();
 }

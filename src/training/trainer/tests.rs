@@ -2,7 +2,7 @@ use super::*;
 use crate::training::synthetic::{self, Counting, sets};
 use crate::training::weights::{NamedWeights, collect};
 use crate::training::{LandmarkConfig, Preset, SilentObserver};
-use crate::trajectory::{Action, ActionSpace};
+use crate::trajectory::{Action, ActionSpace, Trajectory};
 
 fn tiny(steps: u64) -> TrainingConfig {
     TrainingConfig {
@@ -64,6 +64,20 @@ fn a_stopped_training_goes_on_to_the_same_weights() {
     assert_eq!(collect(&of_run.network), weights_of(&uninterrupted));
 }
 
+/// The same demonstrations, whose actions go by other names.
+fn renamed() -> [DemonstrationSet; 2] {
+    sets().map(|set| {
+        let mut trajectories = set.trajectories().to_vec();
+        for trajectory in &mut trajectories {
+            let names = ["back", "ahead", "right", "left"];
+            trajectory.action_space = ActionSpace::Primitives {
+                names: names.map(String::from).to_vec(),
+            };
+        }
+        DemonstrationSet::new(set.task(), trajectories).expect("they are alike")
+    })
+}
+
 #[test]
 fn a_checkpoint_of_another_training_is_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -84,6 +98,19 @@ fn a_checkpoint_of_another_training_is_refused() {
     );
     let message = error.unwrap_err().to_string();
     assert!(message.contains("its demonstrations differ"), "{message}");
+
+    let error = train_on(
+        &Device::flex(),
+        &renamed(),
+        &tiny(2),
+        folder.path(),
+        &mut SilentObserver,
+    );
+    let message = error.unwrap_err().to_string();
+    assert!(
+        message.contains("its actions or cameras differ"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -195,18 +222,46 @@ fn the_motion_to_go_is_learnt_and_told_of_held_out_states() {
     assert!(untold.is_some() && told != untold);
 }
 
-#[test]
-fn landmarks_are_learnt_and_their_error_is_told() {
-    let mut config = tiny(120);
+/// Learns the landmarks of a robot that goes to the left by the name that demonstrations have for it.
+fn seeing(steps: u64) -> TrainingConfig {
+    let mut config = tiny(steps);
     config.landmarks = Some(LandmarkConfig::bedroom());
     let robot = &mut config.landmarks.as_mut().unwrap().robot;
     let moves = robot.primitives["end_effector_left"];
     robot.primitives.insert("left".to_owned(), moves);
+    config
+}
+
+#[test]
+fn landmarks_are_learnt_and_their_error_is_told() {
+    let mut config = seeing(120);
     config.augmentation.mirror_share = 0.4;
     let [(first, untold), (last, told)] = trained_on_one_batch(&config);
     assert!(last.landmarks < 0.8 * first.landmarks, "{first:?} {last:?}");
     let (untold, told) = (untold.landmark_error_pixels, told.landmark_error_pixels);
     assert!(untold.is_some() && told != untold);
+}
+
+#[test]
+fn a_model_comes_of_a_training_that_holds_out_all_events_of_the_gripper() {
+    let config = seeing(2);
+    let [shown, _] = grasping();
+    let mut two = shown.trajectories()[..2].to_vec();
+    let set = |of: &[Trajectory]| DemonstrationSet::new("a", of.to_vec()).expect("they are alike");
+    let data = Dataset::new(&[set(&two)]).unwrap();
+    let split = data.split(config.validation_share, config.seed);
+    let trained = &mut two[split.training[0] as usize].steps;
+    trained.last_mut().expect("it has steps").action = Action::Primitive(0);
+    let (folder, sets) = (tempfile::tempdir().unwrap(), [set(&two)]);
+    let device = Device::flex();
+    let report = train_on(&device, &sets, &config, folder.path(), &mut SilentObserver).unwrap();
+    let book = report.model.landmarks.expect("landmarks are learnt");
+    let errors: Vec<f32> = book.landmarks.iter().map(|l| l.error_pixels).collect();
+    assert_eq!(
+        errors,
+        [f32::MAX],
+        "no picture that was trained on shows it"
+    );
 }
 
 #[test]
