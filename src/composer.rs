@@ -37,7 +37,9 @@ mod world;
 mod yaml;
 
 pub use builder::CompositionBuilder;
-pub use compose::{compose, compose_named, compose_named_knowing, compose_source, task_names};
+pub use compose::{
+    compose, compose_named, compose_named_knowing, compose_source, load_task_named, task_names,
+};
 pub use composition::Composition;
 pub use composition_spec::{Calibration, CompositionSpec, Limits, OnShortcut, StartSpec};
 pub use diagnostic::{Diagnostic, SecondPlace, Severity};

@@ -7,6 +7,7 @@
 
 mod action_message;
 mod align;
+mod bag;
 mod build_folder;
 mod cdr;
 mod convert;

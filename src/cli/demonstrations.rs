@@ -9,7 +9,7 @@ use super::error::CliError;
 use super::loaded::in_folder;
 use crate::inference::Model;
 use crate::storage::{ReadOptions, RecordingReport, Recordings, load_manifest};
-use crate::trajectory::{ActionSpace, DemonstrationSet};
+use crate::trajectory::{ActionSpace, CameraSpec, DemonstrationSet};
 use crate::wording::listed;
 
 /// How recordings are to be read.
@@ -94,14 +94,32 @@ fn ensure_same_actions(set: &DemonstrationSet, space: &ActionSpace) -> Result<()
     })
 }
 
+/// Refuses demonstrations that a camera of a model did not see.
+fn ensure_cameras(set: &DemonstrationSet, cameras: &[CameraSpec]) -> Result<(), CliError> {
+    let present = set.cameras();
+    let is_missing = |camera: &&CameraSpec| present.iter().all(|c| c.name != camera.name);
+    let Some(missing) = cameras.iter().find(is_missing) else {
+        return Ok(());
+    };
+    let first = set.trajectories().first();
+    Err(CliError::CameraMissing {
+        task: set.task().to_owned(),
+        trajectory: first.map(|t| t.id.clone()).unwrap_or_default(),
+        wanted: missing.name.clone(),
+        present: listed(present.iter().map(|c| &c.name), present.len()),
+    })
+}
+
 /// The demonstrations as a model takes them: with its action space, which has bins where the recordings have
-/// none, and with the images of its cameras in their size. Demonstrations with other actions are refused.
+/// none, and with the images of its cameras in their size. Demonstrations with other actions, or without one of the
+/// cameras, are refused.
 pub(super) fn in_model_space(
     set: &DemonstrationSet,
     model: &Model,
 ) -> Result<DemonstrationSet, CliError> {
     let spec = &model.manifest().spec;
     ensure_same_actions(set, &spec.action_space)?;
+    ensure_cameras(set, &spec.cameras)?;
     let mut trajectories = set.trajectories().to_vec();
     for trajectory in &mut trajectories {
         trajectory.action_space = spec.action_space.clone();
@@ -117,25 +135,51 @@ mod tests {
     use super::*;
     use crate::trajectory::{Action, ActionDimension, Image, Observation, Step, Trajectory};
 
+    /// One demonstration of one step, seen by the camera `head`, with actions of these names.
+    fn recorded(names: &[&str]) -> DemonstrationSet {
+        let image = Image::new(1, 1, vec![0; 3]).expect("one pixel");
+        let trajectory = Trajectory {
+            id: "demo".to_owned(),
+            task: "cup".to_owned(),
+            action_space: ActionSpace::Continuous {
+                names: names.iter().map(|n| (*n).to_owned()).collect(),
+            },
+            steps: vec![Step {
+                time_secs: 0.0,
+                observation: Arc::new(Observation::new([("head".to_owned(), image)])),
+                action: Action::Continuous(vec![0.0; names.len()]),
+            }],
+            markers: Vec::new(),
+        };
+        DemonstrationSet::new("cup", vec![trajectory]).expect("one trajectory")
+    }
+
+    #[test]
+    fn recordings_without_a_camera_of_the_model_are_refused_with_the_way_out() {
+        let told = |camera: &str| {
+            let spec = CameraSpec {
+                name: camera.to_owned(),
+                height: 9,
+                width: 16,
+            };
+            let checked = ensure_cameras(&recorded(&["x"]), &[spec]);
+            checked.err().map(|e| e.to_string())
+        };
+        assert_eq!(told("head"), None);
+        assert_eq!(
+            told("wrist").as_deref(),
+            Some(
+                "the recordings of task 'cup', such as 'demo', have no camera 'wrist', which the model sees; they have \
+                 head: name the topic of its images 'wrist' under 'cameras' of the 'topics' in a mapping file, or train \
+                 a model with these recordings"
+            )
+        );
+    }
+
     #[test]
     fn recordings_with_other_actions_than_the_model_are_refused_with_both_lists() {
-        let image = Image::new(1, 1, vec![0; 3]).expect("one pixel");
-        let observation = Arc::new(Observation::new([("head".to_owned(), image)]));
-        let told = |recorded: &[&str], of_model: &[&str]| {
-            let trajectory = Trajectory {
-                id: "demo".to_owned(),
-                task: "cup".to_owned(),
-                action_space: ActionSpace::Continuous {
-                    names: recorded.iter().map(|n| (*n).to_owned()).collect(),
-                },
-                steps: vec![Step {
-                    time_secs: 0.0,
-                    observation: Arc::clone(&observation),
-                    action: Action::Continuous(vec![0.0; recorded.len()]),
-                }],
-                markers: Vec::new(),
-            };
-            let set = DemonstrationSet::new("cup", vec![trajectory]).expect("one trajectory");
+        let told = |names: &[&str], of_model: &[&str]| {
+            let set = recorded(names);
             let dimension = |name: &&str| ActionDimension::uniform(*name, 0.0, 1.0, 2);
             let dimensions = of_model.iter().map(dimension).collect();
             let checked = ensure_same_actions(&set, &ActionSpace::Binned { dimensions });

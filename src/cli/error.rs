@@ -120,6 +120,22 @@ pub(super) enum CliError {
         /// What makes them agree.
         way_out: &'static str,
     },
+    /// Recordings lack a camera of the model.
+    #[error(
+        "the recordings of task '{task}', such as '{trajectory}', have no camera '{wanted}', which the model sees; they \
+         have {present}: name the topic of its images '{wanted}' under 'cameras' of the 'topics' in a mapping file, or \
+         train a model with these recordings"
+    )]
+    CameraMissing {
+        /// The task.
+        task: String,
+        /// The first of its recordings.
+        trajectory: String,
+        /// The camera of the model.
+        wanted: String,
+        /// Those of the recordings.
+        present: String,
+    },
     /// A picture would lie among a graph's tables, which the next graph would not replace then.
     #[error("{} would lie in the graph's folder, which holds its tables only: name another place with --svg", svg.display())]
     PictureInGraph {

@@ -14,7 +14,7 @@ use super::localise::localise;
 use super::merging::{merge_options, show_progress};
 use super::progress;
 use super::trust::trust;
-use crate::composer::load_task;
+use crate::composer::load_task_named;
 use crate::graph::{
     BuildOptions, ConnectionEmbedding, EdgeKind, GraphStatistics, Node, NodeId, PairCandidates,
     ScoringReport, TopologicalGraph, build_states, merge, score_pairs,
@@ -72,7 +72,7 @@ fn build_graph(
     build_arguments: &GraphBuildArguments,
     arguments: &Arguments,
 ) -> Result<(), CliError> {
-    let task = load_task(&build_arguments.task, &arguments.root)?;
+    let task = load_task_named(&build_arguments.task.to_string_lossy(), &arguments.root)?;
     let model = Model::load(&build_arguments.model, arguments.engine.into())?;
     let paths = match &build_arguments.demos {
         Some(demos) => vec![demos.clone()],

@@ -2,7 +2,7 @@ use super::arguments::{Arguments, GraphLocaliseArguments};
 use super::demonstrations::{in_model_space, read_demonstrations, read_options, warn_of_own};
 use super::error::CliError;
 use super::loaded::Loaded;
-use crate::composer::load_task;
+use crate::composer::load_task_named;
 use crate::experiment::LocalisationScore;
 use crate::rollout::Monitor;
 use crate::storage::Recordings;
@@ -13,8 +13,9 @@ pub(super) fn localise(
     localise_arguments: &GraphLocaliseArguments,
     arguments: &Arguments,
 ) -> Result<(), CliError> {
-    let task = load_task(&localise_arguments.task, &arguments.root)?;
-    let loaded = Loaded::load(&localise_arguments.task.to_string_lossy(), arguments)?;
+    let name_or_path = localise_arguments.task.to_string_lossy();
+    let task = load_task_named(&name_or_path, &arguments.root)?;
+    let loaded = Loaded::load(&name_or_path, arguments)?;
     let demos = std::slice::from_ref(&localise_arguments.demos);
     let recordings = Recordings::open(demos, &read_options(&localise_arguments.read))?;
     warn_of_own(&recordings, &task.graph);

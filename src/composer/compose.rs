@@ -5,7 +5,7 @@ use super::composition_spec::CompositionSpec;
 use super::diagnostic::{Diagnostic, Faults};
 use super::diagnostics::Diagnostics;
 use super::reader::{Reader, suggestion};
-use super::resolved_task::{ResolvedTask, read_task, read_task_node};
+use super::resolved_task::{ResolvedTask, load_task, read_task, read_task_node};
 use super::source::{Located, Source, files_in};
 use super::world::KnownWorld;
 use super::yaml::{self, Node, Value};
@@ -89,8 +89,7 @@ pub fn compose_named_knowing(
     root: &Path,
 ) -> Result<Composition, Diagnostics> {
     let project = Project { root, worlds };
-    let is_path = name_or_path.contains(['/', '\\', '.']) || Path::new(name_or_path).is_file();
-    if is_path {
+    if is_path(name_or_path) {
         return compose_file(Path::new(name_or_path), project);
     }
     let found = [TASKS, SEQUENCES]
@@ -102,10 +101,36 @@ pub fn compose_named_knowing(
     }
     let mut names = names_in(root, TASKS);
     names.extend(names_in(root, SEQUENCES));
-    let mut faults = Faults::default();
     let message = format!("there is no task and no composition '{name_or_path}'");
-    faults.add(Diagnostic::error(message).help(known_names(name_or_path, &names, root)));
-    Err(Diagnostics::new(faults))
+    Err(unknown(message, known_names(name_or_path, &names, root)))
+}
+
+/// The task that a person means on the command line: a path to its file, or its bare name.
+///
+/// # Errors
+/// All faults of the file; a diagnostic with the nearest name when there is no such task.
+pub fn load_task_named(name_or_path: &str, root: &Path) -> Result<ResolvedTask, Diagnostics> {
+    if is_path(name_or_path) {
+        return load_task(Path::new(name_or_path), root);
+    }
+    let path = file_named(root, TASKS, name_or_path);
+    if path.is_file() {
+        return load_task(&path, root);
+    }
+    let message = format!("there is no task '{name_or_path}'");
+    let names = names_in(root, TASKS);
+    Err(unknown(message, known_names(name_or_path, &names, root)))
+}
+
+/// Whether a person means a file and not the name of a task or of a composition.
+fn is_path(name_or_path: &str) -> bool {
+    name_or_path.contains(['/', '\\', '.']) || Path::new(name_or_path).is_file()
+}
+
+fn unknown(message: String, help: String) -> Diagnostics {
+    let mut faults = Faults::default();
+    faults.add(Diagnostic::error(message).help(help));
+    Diagnostics::new(faults)
 }
 
 /// Names of all tasks of a project, sorted.

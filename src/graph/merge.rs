@@ -217,7 +217,7 @@ impl Work<'_> {
     ) -> Option<SeamReport> {
         let accepted = scored.edges.len();
         for (from, to, edge) in scored.edges {
-            add_crossing(graph, batch, (from, to), edge);
+            add_crossing(graph, (from, to), edge);
         }
         if !batch.is_seam {
             return None;
@@ -229,7 +229,7 @@ impl Work<'_> {
             .min(scored.near_misses.len());
         let floor: Vec<(ScoredPair, Edge)> = scored.near_misses;
         for (pair, edge) in &floor[..below_rule] {
-            add_crossing(graph, batch, (pair.from, pair.to), edge.clone());
+            add_crossing(graph, (pair.from, pair.to), edge.clone());
         }
         Some(SeamReport {
             from_task: self.tasks[batch.from_task].clone(),
@@ -242,17 +242,10 @@ impl Work<'_> {
     }
 }
 
-/// Between two tasks there is no edge yet; within one there may be, and a state need not be left for
-/// itself.
-fn add_crossing(
-    graph: &mut TopologicalGraph,
-    batch: &Batch,
-    (from, to): (NodeId, NodeId),
-    edge: Edge,
-) {
-    if batch.from_task != batch.to_task {
-        graph.push_edge(from, to, edge);
-    } else if from != to {
+/// There may be an edge already, within a task or where one of the graphs was merged before; and a state need not be
+/// left for itself.
+fn add_crossing(graph: &mut TopologicalGraph, (from, to): (NodeId, NodeId), edge: Edge) {
+    if from != to {
         graph.add_edge(from, to, edge);
     }
 }

@@ -139,13 +139,17 @@ pub(super) fn action_space(
         return declared;
     }
     match messages.first()? {
-        ActionMessage::Values { names, values } => Some(ActionSpace::Continuous {
-            names: if names.is_empty() {
-                (0..values.len()).map(numbered).collect()
-            } else {
-                names.clone()
-            },
-        }),
+        ActionMessage::Values { names, values } => {
+            // Names that several values share tell none of them.
+            let distinct: BTreeSet<&String> = names.iter().collect();
+            Some(ActionSpace::Continuous {
+                names: if distinct.len() == values.len() {
+                    names.clone()
+                } else {
+                    (0..values.len()).map(numbered).collect()
+                },
+            })
+        }
         ActionMessage::Primitive { .. } => Some(primitives_seen(messages)),
     }
 }
@@ -319,6 +323,17 @@ mod tests {
             assert!(said.contains(&other.join(", ")), "{said}");
             assert!(said.contains("has waist, elbow, wrist"), "{said}");
         }
+        // Drivers without names leave them empty.
+        let space = action_space(None, &[message(&["", "", ""])]).unwrap();
+        let names = ["action_0", "action_1", "action_2"].map(str::to_owned);
+        assert_eq!(
+            space,
+            ActionSpace::Continuous {
+                names: names.to_vec()
+            }
+        );
+        let unnamed = action(&space, message(&["", "", ""]));
+        assert_eq!(unnamed, Ok(Action::Continuous(vec![0.0, 1.0, 2.0])));
         // The first message named nothing, so that later names are no other ones.
         let values_alone = ActionMessage::Values {
             names: Vec::new(),

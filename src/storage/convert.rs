@@ -205,6 +205,9 @@ impl Conversion {
                 self.lost.push(lost);
             }
         }
+        let losses = report.losses.iter();
+        let losses = losses.map(|loss| format!("{}: {loss}", report.place()));
+        self.lost.extend(losses);
     }
 
     fn nothing(&self) -> StorageError {

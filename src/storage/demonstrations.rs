@@ -70,6 +70,63 @@ mod tests {
     }
 
     #[test]
+    fn a_recording_of_which_nothing_is_left_is_left_out_like_other_damaged_ones() {
+        let root = tempfile::tempdir().unwrap();
+        write(root.path(), "a.mcap", 4, None);
+        write(root.path(), "b.mcap", 4, None);
+        let cut = root.path().join("b.mcap");
+        let bytes = fs::read(&cut).unwrap();
+        fs::write(&cut, &bytes[..60]).unwrap();
+        let mapping = root.path().join("sock.yaml");
+        let topics =
+            "topics: {cameras: {head: /camera/head/image_raw/compressed}, action: /action}";
+        let sizes = "image_sizes: {head: {height: 9, width: 16}}";
+        fs::write(&mapping, format!("recordings: .\n{topics}\n{sizes}\n")).unwrap();
+        for path in [root.path(), &mapping] {
+            let recordings = Recordings::open(&[path.to_owned()], &ReadOptions::default());
+            let recordings = recordings.unwrap();
+            let (set, reports) = recordings.demonstrations("sock").unwrap();
+            assert_eq!(set.trajectories().len(), 1);
+            let reason = reports[1].left_out.clone().unwrap();
+            for part in ["it is damaged", "no topic carries images", "cut off"] {
+                assert!(reason.contains(part), "{reason}");
+            }
+            let looked = recordings.inspect().into_iter();
+            let looked: Vec<_> = looked.map(Result::unwrap).collect();
+            assert!(looked[0].left_out.is_none() && looked[1].left_out.is_some());
+            let read: Vec<_> = recordings.read().map(Result::unwrap).collect();
+            assert!(read[1].trajectory.steps.is_empty());
+            assert_eq!(read[1].report.left_out, Some(reason));
+        }
+        let alone = load_demonstrations(&[cut], "sock").unwrap_err().to_string();
+        assert!(
+            alone.contains("b.mcap: it is damaged") && alone.contains("cut off"),
+            "{alone}"
+        );
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_recording_to_which_several_paths_lead_counts_once() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let root = fs::canonicalize(folder.path()).unwrap();
+        write(&root, "run_1/000.mcap", 3, None);
+        write(&root, "run_2/000.mcap", 4, None);
+        symlink("run_2", root.join("latest")).unwrap();
+        symlink("..", root.join("run_1/all")).unwrap();
+        let files = |paths: &[&str]| {
+            let paths: Vec<PathBuf> = paths.iter().map(|path| root.join(path)).collect();
+            recording_files(&paths).unwrap()
+        };
+        let [first, second] = ["run_1/000.mcap", "run_2/000.mcap"].map(|file| root.join(file));
+        assert_eq!(files(&[""]), [first.clone(), second.clone()]);
+        assert_eq!(files(&["run_1/../run_1", "run_1/000.mcap"]), [first]);
+        assert_eq!(files(&["latest", "run_2"]), [second]);
+        assert_eq!(files(&["latest"]), [root.join("latest/000.mcap")]);
+    }
+
+    #[test]
     fn practice_is_no_demonstration() {
         let root = tempfile::tempdir().unwrap();
         write(root.path(), "shown.mcap", 4, Some(true));
@@ -102,6 +159,57 @@ mod tests {
         write(root.path(), "failed.mcap", 3, Some(false));
         let error = load_demonstrations(&[root.path().to_owned()], "sock").unwrap_err();
         assert!(error.to_string().contains("failed.mcap"), "{error}");
+    }
+
+    #[test]
+    fn the_files_of_a_bag_are_one_demonstration() {
+        let root = tempfile::tempdir().unwrap();
+        let (bag, whole) = (root.path().join("run"), trajectory(12));
+        for (number, range) in [0..5, 5..9, 9..12].into_iter().enumerate() {
+            let mut part = whole.clone();
+            part.steps = whole.steps[range.clone()].to_vec();
+            part.markers.retain(|m| range.contains(&m.step));
+            for marker in &mut part.markers {
+                marker.step -= range.start;
+            }
+            let file = bag.join(format!("run_{number}.mcap"));
+            write_trajectory(&file, &part, &RecordingMetadata::default()).unwrap();
+        }
+        let metadata = "rosbag2_bagfile_information:\n  version: 9\n  relative_file_paths:\n    - run_0.mcap\n    \
+                        - run_1.mcap\n    - run_2.mcap\n";
+        fs::write(bag.join("metadata.yaml"), metadata).unwrap();
+        write(root.path(), "other.mcap", 4, None);
+        let paths = [root.path().to_owned()];
+        let (set, reports) = load_demonstrations(&paths, "sock").unwrap();
+        let [other, joined] = set.trajectories() else {
+            panic!("{} demonstrations", set.trajectories().len())
+        };
+        assert_eq!((other.steps.len(), joined.id.as_str()), (4, "run"));
+        assert_eq!(joined.steps.len(), 12);
+        assert_eq!(joined.markers, whole.markers);
+        let actions = |t: &crate::trajectory::Trajectory| -> Vec<_> {
+            t.steps.iter().map(|s| s.action.clone()).collect()
+        };
+        assert_eq!(actions(joined), actions(&whole));
+        let told = reports[1].to_string();
+        assert!(told.contains("3 files of one bag"), "{told}");
+        assert_eq!(recording_files(&paths).unwrap().len(), 4);
+
+        fs::remove_file(bag.join("run_1.mcap")).unwrap();
+        let error = load_demonstrations(&paths, "sock").unwrap_err().to_string();
+        assert!(
+            error.contains("metadata.yaml: the bag holds") && error.contains("run_1.mcap"),
+            "{error}"
+        );
+        // Files of that name are not only ROS's, and a bag of one file is a file.
+        for text in [
+            "title: my data\n",
+            "rosbag2_bagfile_information: {relative_file_paths: [run_0.mcap]}\n",
+        ] {
+            fs::write(bag.join("metadata.yaml"), text).unwrap();
+            let (set, _) = load_demonstrations(&paths, "sock").unwrap();
+            assert_eq!(set.trajectories().len(), 3, "{text}");
+        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Writing episodes as MCAP, step by step or at once.
 
 use std::collections::{BTreeMap, HashMap};
+use std::fmt;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -297,7 +298,9 @@ impl EpisodeWriter {
             (
                 ActionSpace::Binned { .. } | ActionSpace::Continuous { .. },
                 Action::Continuous(values),
-            ) if values.iter().all(|v| v.is_finite()) => {
+            ) if values.len() == self.action_space.dimension_count()
+                && values.iter().all(|v| v.is_finite()) =>
+            {
                 let value = json!({ "step": self.steps, "values": values });
                 Ok((&CONTINUOUS_ACTION, value))
             }
@@ -371,6 +374,15 @@ impl EpisodeWriter {
             path: self.path.clone(),
             reason: reason.to_owned(),
         }
+    }
+}
+
+impl fmt::Debug for EpisodeWriter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("EpisodeWriter")
+            .field("path", &self.path)
+            .field("steps", &self.steps)
+            .finish_non_exhaustive()
     }
 }
 

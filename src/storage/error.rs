@@ -26,7 +26,7 @@ pub enum StorageError {
     },
     /// The file does not start as an MCAP file does.
     #[error(
-        "{path} is no MCAP recording: it starts with {found}, an MCAP file with 89 4d 43 41 50 30 0d 0a",
+        "{path} is no MCAP recording: it starts with {found}, an MCAP file with 89 4d 43 41 50 30 0d 0a{way_out}",
         path = path.display()
     )]
     NotMcap {
@@ -34,6 +34,8 @@ pub enum StorageError {
         path: PathBuf,
         /// Its first bytes in hexadecimal.
         found: String,
+        /// What the file seems to be and how it becomes one, after a full stop; empty where nobody can tell.
+        way_out: &'static str,
     },
     /// The recording could not be written.
     #[error("cannot write the recording {path}: {reason}", path = path.display())]
@@ -120,6 +122,35 @@ pub enum StorageError {
         other: (u32, u32),
         /// Seconds since the first step.
         at_secs: f64,
+    },
+    /// All actions have one log time.
+    #[error(
+        "{path}: all {messages} messages of {topic} have the log time {secs} s, so that nothing tells which image \
+         belongs to which action: record it again with the time at which each message came as its log time",
+        path = path.display()
+    )]
+    NoTimes {
+        /// The file.
+        path: PathBuf,
+        /// The topic of the actions.
+        topic: String,
+        /// How many there are.
+        messages: usize,
+        /// The time, in seconds.
+        secs: f64,
+    },
+    /// A bag of several files lacks one.
+    #[error(
+        "{path}: the bag holds {part}, which is not there; put it back, or move the other files to a folder of their own to \
+         read each as a recording",
+        path = path.display(),
+        part = part.display()
+    )]
+    PartMissing {
+        /// Where the bag names its files.
+        path: PathBuf,
+        /// The one that is missing.
+        part: PathBuf,
     },
     /// No action comes after the first image of every camera.
     #[error(
@@ -344,6 +375,18 @@ pub enum StorageError {
 }
 
 impl StorageError {
+    /// Whether it says that there is no trajectory in a recording, not that something in it is wrong.
+    pub(super) fn tells_of_too_little(&self) -> bool {
+        matches!(
+            self,
+            Self::NoImages { .. }
+                | Self::UnusableCameras { .. }
+                | Self::NoActions { .. }
+                | Self::UnusableActions { .. }
+                | Self::NoSteps { .. }
+        )
+    }
+
     /// For `map_err` on what the operating system refuses.
     pub(super) fn io(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();

@@ -106,10 +106,16 @@ impl<'a> Film<'a> {
         self
     }
 
-    /// Whether the camera gives no image any more long before the last step. Times are in nanoseconds and
-    /// sorted.
-    pub fn stopped(&self, step_times: &[u64]) -> Option<Loss> {
-        let times: Vec<u64> = self.frames.iter().map(|f| f.nanos).collect();
+    /// Whether the images that are not there, or cannot be decoded, leave none long before the last step, where that is
+    /// not `told` already. The film is developed; times are in nanoseconds and sorted.
+    pub fn stopped(&self, step_times: &[u64], told: &[Loss]) -> Option<Loss> {
+        let is_of_this =
+            |loss: &Loss| matches!(loss, Loss::CameraStopped { topic, .. } if *topic == self.topic);
+        if self.undecodable.is_empty() || told.iter().any(is_of_this) {
+            return None;
+        }
+        let shown = self.frames.iter().filter(|f| f.image.is_some());
+        let times: Vec<u64> = shown.map(|f| f.nanos).collect();
         missing_tail(&times, step_times)?.stopped(&self.topic)
     }
 

@@ -245,6 +245,22 @@ impl<'a> Layout<'a> {
         steps.remarks(rates)
     }
 
+    /// The topics of texts that the mapping file names and on which nothing was said, which can be meant or a slip.
+    pub fn silent_topics(&self, scan: &Scan) -> Vec<String> {
+        let mapping = self.view.mapping.as_ref();
+        let task = mapping.and_then(|m| m.task_topic());
+        let subgoal = mapping.and_then(|m| m.subgoal_topic());
+        let named = [("the task", task), ("subgoals", subgoal)].into_iter();
+        named
+            .filter_map(|(what, topic)| {
+                let topic = topic.filter(|topic| !scan.topics.contains_key(*topic))?;
+                Some(format!(
+                    "there is no message on {topic}, the topic of {what} by the mapping file"
+                ))
+            })
+            .collect()
+    }
+
     /// The markers, each at the first step at or after it.
     pub fn markers(scan: &Scan, step_times: &[u64]) -> Vec<Marker> {
         scan.markers()

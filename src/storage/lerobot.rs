@@ -17,6 +17,7 @@ mod episodes;
 mod films;
 mod frames;
 mod info;
+mod names;
 mod read;
 mod restored;
 mod rows;

@@ -3,8 +3,8 @@ use std::path::Path;
 
 use super::episode::{EPISODE_RECORD, HEADER_RECORD, keys};
 use super::film::Film;
-use super::layout::{CameraTopic, Layout};
-use super::scan::{Keep, Scan, TopicScan};
+use super::layout::{ActionTopic, CameraTopic, Layout};
+use super::scan::{Keep, Scan, TopicScan, seconds_between};
 use super::steps::Steps;
 use super::view::View;
 use super::{Loss, RecordingReport, StorageError};
@@ -36,18 +36,23 @@ pub struct Recording {
 /// actions, or actions or images that do not fit together. It names the file, the topic and the
 /// reason.
 pub fn read_trajectory(path: &Path) -> Result<Recording, StorageError> {
-    read_mcap(path, &View::default())
+    read_mcap(path, &[path], &View::default())
 }
 
-/// Reads an MCAP file as a mapping file and options say.
-pub(super) fn read_mcap(path: &Path, view: &View) -> Result<Recording, StorageError> {
-    let scan = Scan::of(path, Keep::AllImages, view)?;
+/// Reads the MCAP files of a recording as a mapping file and options say. It goes by the name `path`.
+pub(super) fn read_mcap(
+    path: &Path,
+    files: &[impl AsRef<Path>],
+    view: &View,
+) -> Result<Recording, StorageError> {
+    let scan = Scan::of(files, Keep::AllImages, view)?;
     check_topics(path, &scan, view)?;
     let layout = Layout::of(&scan, view);
     let topic = layout.check(path, &scan)?;
+    check_times(path, topic)?;
     let actions = topic.actions(path)?;
     let steps = layout.steps(path)?;
-    let mut report = report(path, &scan, &layout, steps.as_ref());
+    let mut report = report(path, files.len(), &scan, &layout, steps.as_ref());
     let steps = steps.ok_or_else(|| StorageError::NoSteps {
         path: path.to_owned(),
         actions: actions.len(),
@@ -74,30 +79,63 @@ pub(super) fn read_mcap(path: &Path, view: &View) -> Result<Recording, StorageEr
 /// # Errors
 /// [`StorageError::Io`], [`StorageError::EmptyFile`] or [`StorageError::NotMcap`].
 pub fn inspect(path: &Path) -> Result<RecordingReport, StorageError> {
-    inspect_mcap(path, &View::default())
+    inspect_mcap(path, &[path], &View::default())
 }
 
-/// Says what is in an MCAP file as a mapping file and options have it read.
-pub(super) fn inspect_mcap(path: &Path, view: &View) -> Result<RecordingReport, StorageError> {
-    let scan = Scan::of(path, Keep::FirstImages, view)?;
+/// Says what is in the MCAP files of a recording as a mapping file and options have them read.
+pub(super) fn inspect_mcap(
+    path: &Path,
+    files: &[impl AsRef<Path>],
+    view: &View,
+) -> Result<RecordingReport, StorageError> {
+    let scan = Scan::of(files, Keep::FirstImages, view)?;
     check_topics(path, &scan, view)?;
     let layout = Layout::of(&scan, view);
     let steps = layout.steps(path)?;
-    Ok(report(path, &scan, &layout, steps.as_ref()))
+    Ok(report(path, files.len(), &scan, &layout, steps.as_ref()))
 }
 
 fn check_topics(path: &Path, scan: &Scan, view: &View) -> Result<(), StorageError> {
     let Some(mapping) = &view.mapping else {
         return Ok(());
     };
+    // Of a damaged file they may be what is gone.
+    if scan.salvage.losses.iter().any(Loss::takes_messages) {
+        return Ok(());
+    }
     let topics: Vec<&str> = scan.topics.keys().map(String::as_str).collect();
     mapping.check_topics(path, "topic", &topics)
 }
 
-fn report(path: &Path, scan: &Scan, layout: &Layout, steps: Option<&Steps>) -> RecordingReport {
+/// Refuses actions that all have one time, as a recorder gives them that writes none: each would get the last image.
+fn check_times(path: &Path, actions: &ActionTopic) -> Result<(), StorageError> {
+    let scan = actions.scan;
+    if scan.messages > 1 && scan.first_nanos == scan.last_nanos {
+        return Err(StorageError::NoTimes {
+            path: path.to_owned(),
+            topic: scan.channel.topic.clone(),
+            messages: scan.messages,
+            secs: seconds_between(0, scan.first_nanos),
+        });
+    }
+    Ok(())
+}
+
+fn report(
+    path: &Path,
+    files: usize,
+    scan: &Scan,
+    layout: &Layout,
+    steps: Option<&Steps>,
+) -> RecordingReport {
     let unseen = steps.map_or(0, |s| layout.unseen(s));
     let step_times = steps.map(Steps::chosen_times).unwrap_or_default();
     let step_times = &step_times[unseen..];
+    let mut remarks = layout.remarks(steps);
+    remarks.extend(layout.silent_topics(scan));
+    if files > 1 {
+        remarks.push(format!("{files} files of one bag, read as one recording"));
+    }
     let mut losses = scan.salvage.losses.clone();
     losses.extend(layout.losses(step_times));
     if unseen > 0 {
@@ -119,7 +157,7 @@ fn report(path: &Path, scan: &Scan, layout: &Layout, steps: Option<&Steps>) -> R
         metadata: flat_metadata(scan),
         losses,
         notes: layout.notes(),
-        remarks: layout.remarks(steps),
+        remarks,
         left_out: None,
     }
 }

@@ -1,6 +1,6 @@
 //! Recordings of all kinds under one roof: MCAP files, LeRobot datasets, mapping files that name them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -8,20 +8,21 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
+use super::bag;
 use super::digest::hexadecimal;
 use super::left_out::{why_damaged, why_left_out, why_not_practised_on};
 use super::lerobot::{self, Dataset, inspect_episode, read_episode};
 use super::mapping::{Mapping, is_mapping};
 use super::recording::{inspect_mcap, read_mcap};
 use super::view::{ReadOptions, View};
-use super::{Recording, RecordingReport, StorageError, sha256_file};
-use crate::trajectory::{Binning, DemonstrationSet};
+use super::{Loss, Recording, RecordingReport, StorageError, sha256_file};
+use crate::trajectory::{ActionSpace, Binning, DemonstrationSet, Trajectory};
 
 /// The recordings among some paths, found but not read.
 ///
-/// A path is an MCAP file, a LeRobot dataset (a folder with `meta/info.json`), a folder in which either
-/// lies at any depth except in hidden folders, or a mapping file (`*.yaml`), which names recordings and
-/// says how they are read.
+/// A path is an MCAP file, a bag of several (a folder whose `metadata.yaml`, as `ros2 bag record` writes it, names them),
+/// a LeRobot dataset (a folder with `meta/info.json`), a folder in which any of these lies at any depth except in hidden
+/// folders, or a mapping file (`*.yaml`), which names recordings and says how they are read. A recording to which several paths lead counts once.
 #[derive(Clone, Debug)]
 pub struct Recordings {
     /// Sorted.
@@ -45,7 +46,8 @@ struct Source {
 
 #[derive(Clone, Debug)]
 enum Container {
-    Mcap,
+    /// One after another.
+    Mcap { files: Vec<PathBuf> },
     Episode {
         dataset: Arc<Dataset>,
         number: usize,
@@ -54,10 +56,14 @@ enum Container {
 
 impl Source {
     fn read(&self) -> Result<Recording, StorageError> {
-        let mut recording = match &self.container {
-            Container::Mcap => read_mcap(&self.place, &self.view),
+        let read = match &self.container {
+            Container::Mcap { files } => read_mcap(&self.place, files, &self.view),
             Container::Episode { dataset, number } => read_episode(dataset, *number, &self.view),
-        }?;
+        };
+        let mut recording = match read {
+            Err(error) if error.tells_of_too_little() => self.remains(error)?,
+            read => read?,
+        };
         self.check_cameras(&recording.report)?;
         if let Some(task) = &self.task_by_mapping {
             recording.trajectory.task.clone_from(task);
@@ -66,9 +72,33 @@ impl Source {
         Ok(recording)
     }
 
+    /// A recording that is so damaged that no step is left of it, to be left out with what was to be said of it; where
+    /// nothing is lost that is an error.
+    fn remains(&self, error: StorageError) -> Result<Recording, StorageError> {
+        let inspected = self.inspect().ok();
+        let damaged = inspected.filter(|r| r.losses.iter().any(Loss::takes_messages));
+        let Some(mut report) = damaged else {
+            return Err(error);
+        };
+        let told = error.to_string();
+        let place = format!("{}: ", report.path.display());
+        let told = told.strip_prefix(&place).unwrap_or(&told);
+        report.left_out = Some(format!(
+            "it is damaged, and what is left makes no step: {told}"
+        ));
+        let trajectory = Trajectory {
+            id: self.place.display().to_string(),
+            task: report.task.clone(),
+            action_space: ActionSpace::Continuous { names: Vec::new() },
+            steps: Vec::new(),
+            markers: Vec::new(),
+        };
+        Ok(Recording { trajectory, report })
+    }
+
     fn inspect(&self) -> Result<RecordingReport, StorageError> {
         let mut report = match &self.container {
-            Container::Mcap => inspect_mcap(&self.place, &self.view),
+            Container::Mcap { files } => inspect_mcap(&self.place, files, &self.view),
             Container::Episode { dataset, number } => inspect_episode(dataset, *number, &self.view),
         }?;
         self.check_cameras(&report)?;
@@ -79,9 +109,11 @@ impl Source {
         Ok(report)
     }
 
-    /// Refuses a mapping file that gives a size to a camera that is not there.
+    /// Refuses a mapping file that gives a size to a camera that is not there, unless it may be what was lost.
     fn check_cameras(&self, report: &RecordingReport) -> Result<(), StorageError> {
-        let Some(mapping) = &self.view.mapping else {
+        let mapping = self.view.mapping.as_ref();
+        let is_whole = !report.losses.iter().any(Loss::takes_messages);
+        let Some(mapping) = mapping.filter(|_| is_whole) else {
             return Ok(());
         };
         let cameras = report.cameras.iter().map(|c| c.spec.name.as_str());
@@ -91,15 +123,23 @@ impl Source {
     /// Files by their paths, episodes by their dataset and number.
     fn order(&self) -> (&Path, usize) {
         match &self.container {
-            Container::Mcap => (&self.place, 0),
+            Container::Mcap { .. } => (&self.place, 0),
             Container::Episode { dataset, number } => (&dataset.root, *number),
         }
+    }
+
+    /// What is the same whichever path leads there; and whether this one does without links.
+    fn identity(&self) -> ((PathBuf, usize), bool) {
+        let (path, number) = self.order();
+        let real = real(path);
+        let is_own_path = real.ends_with(path);
+        ((real, number), is_own_path)
     }
 
     /// What the task is called where the container says so without being read.
     fn task(&self) -> Option<String> {
         match &self.container {
-            Container::Mcap => None,
+            Container::Mcap { .. } => None,
             Container::Episode { dataset, number } => {
                 let task = dataset.task(&dataset.episodes[*number]);
                 (!task.is_empty()).then_some(task)
@@ -133,7 +173,7 @@ impl Recordings {
             }
         }
         found.sources.sort_by(|a, b| a.order().cmp(&b.order()));
-        found.sources.dedup_by(|a, b| a.order() == b.order());
+        found.leave_out_repeated();
         if found.sources.is_empty() {
             return Err(StorageError::NoRecordings {
                 paths: list(paths.iter().map(|p| p.display().to_string())),
@@ -149,6 +189,23 @@ impl Recordings {
         Ok(found)
     }
 
+    /// Keeps one of the sources that are the same recording, as where a folder holds a link to another one of its own:
+    /// that of its own path, or else the first.
+    fn leave_out_repeated(&mut self) {
+        let identities: Vec<_> = self.sources.iter().map(Source::identity).collect();
+        let mut seen = BTreeSet::new();
+        let mut is_kept = vec![false; identities.len()];
+        for of_own_path in [true, false] {
+            for ((identity, is_own_path), is_kept) in identities.iter().zip(&mut is_kept) {
+                if *is_own_path == of_own_path && seen.insert(identity) {
+                    *is_kept = true;
+                }
+            }
+        }
+        let mut is_kept = is_kept.into_iter();
+        self.sources.retain(|_| is_kept.next().unwrap_or(true));
+    }
+
     fn take(&mut self, path: &Path, mapping: Option<&Arc<Mapping>>) -> Result<(), StorageError> {
         let view = View {
             mapping: mapping.cloned(),
@@ -158,14 +215,15 @@ impl Recordings {
             return self.take_folder(path, &view);
         }
         fs::metadata(path).map_err(StorageError::io("read", path))?;
-        self.take_file(path, &view);
+        self.take_mcap(path, vec![path.to_owned()], &view);
         Ok(())
     }
 
-    fn take_file(&mut self, path: &Path, view: &View) {
+    /// Takes a recording of one file or several.
+    fn take_mcap(&mut self, place: &Path, files: Vec<PathBuf>, view: &View) {
         self.sources.push(Source {
-            place: path.to_owned(),
-            container: Container::Mcap,
+            place: place.to_owned(),
+            container: Container::Mcap { files },
             view: view.clone(),
             task_by_mapping: None,
         });
@@ -187,6 +245,10 @@ impl Recordings {
             }
             return Ok(());
         }
+        let parts = bag::parts(folder)?.unwrap_or_default();
+        if !parts.is_empty() {
+            self.take_mcap(folder, parts.clone(), view);
+        }
         let entries = fs::read_dir(folder).map_err(StorageError::io("read", folder))?;
         for entry in entries {
             let path = entry.map_err(StorageError::io("read", folder))?.path();
@@ -197,9 +259,12 @@ impl Recordings {
                 continue;
             }
             if path.is_dir() {
-                self.take_folder(&path, view)?;
-            } else if path.extension().is_some_and(|e| e == "mcap") {
-                self.take_file(&path, view);
+                // A link to a folder around it would lead there again and again.
+                if !(path.is_symlink() && real(folder).starts_with(real(&path))) {
+                    self.take_folder(&path, view)?;
+                }
+            } else if path.extension().is_some_and(|e| e == "mcap") && !parts.contains(&path) {
+                self.take_mcap(&path, vec![path.clone()], view);
             }
         }
         Ok(())
@@ -217,11 +282,15 @@ impl Recordings {
         self.sources.par_iter().map(Source::inspect).collect()
     }
 
-    /// Reads the recordings one after another, in order.
+    /// Reads the recordings one after another, in order. Of one that is so damaged that nothing is left of it the
+    /// trajectory has no steps, and its report says why it is left out.
     pub fn read(&self) -> impl Iterator<Item = Result<Recording, StorageError>> {
         self.sources.iter().map(|source| {
             let mut recording = source.read()?;
-            recording.report.left_out = why_damaged(&recording.report);
+            let report = &mut recording.report;
+            if report.left_out.is_none() {
+                report.left_out = why_damaged(report);
+            }
             Ok(recording)
         })
     }
@@ -242,10 +311,20 @@ impl Recordings {
         vec![mapped.or(named).unwrap_or_default()]
     }
 
-    /// The tasks that datasets tell, by the names that they have here.
+    /// The tasks that datasets tell, by the names that they have here. Texts of which a name holds too little to tell
+    /// them apart, long ones or those in other letters, have numbers.
     fn told_tasks(&self) -> BTreeMap<String, String> {
-        let told = self.sources.iter().filter_map(Source::task);
-        told.map(|task| (slug(&task), task)).collect()
+        let texts = self.sources.iter().filter_map(Source::task);
+        let texts: BTreeMap<String, String> = texts.map(|text| (words(&text), text)).collect();
+        let mut told: BTreeMap<String, String> = BTreeMap::new();
+        for text in texts.into_values() {
+            let name = slug(&text);
+            let numbered = (2_usize..).map(|n| format!("{name}_{n}"));
+            let mut names = std::iter::once(name.clone()).chain(numbered);
+            let free = names.find(|name| !told.contains_key(name));
+            told.insert(free.unwrap_or(name), text);
+        }
+        told
     }
 
     /// How continuous actions are cut: as the mapping files say, else into `bins` equal bins.
@@ -262,7 +341,7 @@ impl Recordings {
     /// Their ids are the files' stems, with the folder before them where stems repeat. Left out, and
     /// marked so in their reports, are recordings that say that they failed or are practice, and damaged ones:
     /// where steps are missing, neighbours need not follow each other and the last step need not be the end
-    /// of the task.
+    /// of the task, and of some nothing is left.
     ///
     /// # Errors
     /// [`StorageError`] of the first recording in order that cannot be read; [`StorageError::NoSuchTask`];
@@ -303,7 +382,9 @@ impl Recordings {
         let mut reports = Vec::new();
         for (recording, id) in recordings.into_iter().zip(ids) {
             let mut report = recording.report;
-            report.left_out = why_left_out(&report);
+            if report.left_out.is_none() {
+                report.left_out = why_left_out(&report);
+            }
             if report.left_out.is_none() {
                 let mut trajectory = recording.trajectory;
                 task.clone_into(&mut trajectory.task);
@@ -335,14 +416,23 @@ impl Recordings {
         if told.len() <= 1 {
             return Ok(self.sources.iter().collect());
         }
-        let wanted = slug(task);
-        let is_wanted = |s: &&Source| s.task().is_none_or(|t| slug(&t) == wanted);
+        let by_text = || told.values().find(|text| words(text) == words(task));
+        let meant = told.get(task).or_else(by_text);
+        let meant = meant.or_else(|| told.get(&slug(task)));
+        let wanted = meant.map(|text| words(text));
+        let is_wanted = |s: &&Source| s.task().is_none_or(|t| Some(words(&t)) == wanted);
         let sources: Vec<&Source> = self.sources.iter().filter(is_wanted).collect();
         if sources.is_empty() {
             return Err(StorageError::NoSuchTask {
                 task: task.to_owned(),
                 paths: list(self.paths.iter().map(|p| p.display().to_string())),
-                known: list(told.into_keys()),
+                known: list(told.into_iter().map(|(name, text)| {
+                    if name == words(&text) {
+                        name
+                    } else {
+                        format!("{name} ('{text}')")
+                    }
+                })),
             });
         }
         Ok(sources)
@@ -354,7 +444,7 @@ impl Recordings {
         let mut files: Vec<PathBuf> = self.mappings.iter().map(|m| m.path().to_owned()).collect();
         for source in &self.sources {
             match &source.container {
-                Container::Mcap => files.push(source.place.clone()),
+                Container::Mcap { files: parts } => files.extend(parts.iter().cloned()),
                 Container::Episode { dataset, number: 0 } => {
                     files.extend(dataset.files().iter().map(|f| dataset.root.join(f)));
                 }
@@ -383,6 +473,13 @@ impl Recordings {
     }
 }
 
+/// The words of a text in small letters: texts with the same ones tell the same task.
+fn words(text: &str) -> String {
+    let words = text.split(|c: char| !c.is_alphanumeric());
+    let words = words.filter(|word| !word.is_empty());
+    words.map(str::to_lowercase).collect::<Vec<_>>().join("_")
+}
+
 /// A name that can be part of a path and the name of a task: letters, digits and `_`.
 pub(super) fn slug(text: &str) -> String {
     const MAX_CHARS: usize = 60;
@@ -397,6 +494,11 @@ pub(super) fn slug(text: &str) -> String {
     } else {
         slug
     }
+}
+
+/// A path from the root on without links; the path itself where nothing is there.
+fn real(path: &Path) -> PathBuf {
+    fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
 }
 
 /// The stem of each file, with its folder where the stem alone is not unique, or the whole path where

@@ -196,6 +196,12 @@ impl Loss {
                 | Self::MissingImages { .. }
         )
     }
+
+    /// Whether messages are gone, so that what is not there may have been.
+    pub(super) fn takes_messages(&self) -> bool {
+        self.breaks_the_sequence()
+            && !matches!(self, Self::DataChecksum { .. } | Self::CameraStopped { .. })
+    }
 }
 
 impl fmt::Display for Loss {

@@ -33,6 +33,17 @@ pub(super) struct Salvage {
     pub losses: Vec<Loss>,
 }
 
+impl Salvage {
+    /// Takes in what the next file of a recording holds.
+    pub(super) fn take(&mut self, next: Self) {
+        self.bytes += next.bytes;
+        for (record, entries) in next.metadata {
+            self.metadata.entry(record).or_default().extend(entries);
+        }
+        self.losses.extend(next.losses);
+    }
+}
+
 /// Reads a file from its start to its end and hands every complete message to `sink`: its channel,
 /// its log time in nanoseconds and its bytes, in the order of the file.
 pub(super) fn salvage(
@@ -87,7 +98,36 @@ fn check_magic(path: &Path, input: &mut (impl Read + Seek)) -> Result<(), Storag
     Err(StorageError::NotMcap {
         path: path.to_owned(),
         found: pairs.join(" "),
+        way_out: way_out(&start),
     })
+}
+
+/// What a file with other first bytes seems to be, and how it becomes a recording.
+fn way_out(start: &[u8]) -> &'static str {
+    const KNOWN: &[(&[u8], &str)] = &[
+        (
+            b"SQLite f",
+            ". It seems to be a ROS 2 bag of SQLite: write it as MCAP with `ros2 bag convert`",
+        ),
+        (
+            b"#ROSBAG ",
+            ". It seems to be a ROS 1 bag: write it as a ROS 2 bag of MCAP with `rosbags-convert`",
+        ),
+        (
+            &[0x28, 0xb5, 0x2f, 0xfd],
+            ". It is compressed as a whole: unpack it with `zstd -d`",
+        ),
+        (
+            &[0x1f, 0x8b],
+            ". It is compressed as a whole: unpack it with `gzip -d`",
+        ),
+        (
+            b"\x89HDF\r\n\x1a\n",
+            ". It is HDF5: write it as a LeRobot dataset, or as MCAP",
+        ),
+    ];
+    let known = KNOWN.iter().find(|(magic, _)| start.starts_with(magic));
+    known.map_or("", |(_, way_out)| *way_out)
 }
 
 /// Where and why reading stopped before the end of the file.

@@ -50,20 +50,28 @@ pub(super) struct Scan {
 }
 
 impl Scan {
-    /// Reads a file once.
-    pub fn of(path: &Path, keep: Keep, view: &View) -> Result<Self, StorageError> {
+    /// Reads the files of a recording once, one after another.
+    pub fn of(files: &[impl AsRef<Path>], keep: Keep, view: &View) -> Result<Self, StorageError> {
         let mut topics: BTreeMap<String, TopicScan> = BTreeMap::new();
-        let salvage = salvage(path, |channel, nanos, data| {
-            if !topics.contains_key(&channel.topic) {
-                topics.insert(
-                    channel.topic.clone(),
-                    TopicScan::new(channel, view.role(channel), nanos),
-                );
+        let mut whole: Option<Salvage> = None;
+        for file in files {
+            let found = salvage(file.as_ref(), |channel, nanos, data| {
+                if !topics.contains_key(&channel.topic) {
+                    topics.insert(
+                        channel.topic.clone(),
+                        TopicScan::new(channel, view.role(channel), nanos),
+                    );
+                }
+                if let Some(topic) = topics.get_mut(&channel.topic) {
+                    topic.take(keep, nanos, data);
+                }
+            })?;
+            match &mut whole {
+                None => whole = Some(found),
+                Some(whole) => whole.take(found),
             }
-            if let Some(topic) = topics.get_mut(&channel.topic) {
-                topic.take(keep, nanos, data);
-            }
-        })?;
+        }
+        let salvage = whole.unwrap_or_default();
         for topic in topics.values_mut() {
             topic.kept.sort_by_key(|(nanos, _)| *nanos);
         }

@@ -103,6 +103,8 @@ impl Steps {
         for film in &films {
             film.check_sizes(path, times[0])?;
             report.losses.extend(film.loss());
+            let stopped = film.stopped(times, &report.losses);
+            report.losses.extend(stopped);
         }
         let observation =
             |step: usize| {

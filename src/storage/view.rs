@@ -13,9 +13,9 @@ use crate::trajectory::{ActionSpace, Image};
 /// What is asked for beside what mapping files say; it goes before them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ReadOptions {
-    /// Take a step every so many actions, counted from the last one, so that a demonstration keeps its end.
+    /// Take a step every so many actions, counted from the last one, so that a demonstration keeps its end; 0 is 1.
     pub every: Option<usize>,
-    /// The size that images of all cameras get, by [`Image::resized`].
+    /// The size that images of all cameras get, by [`Image::resized`], which panics at a size of 0.
     pub image_size: Option<ImageSize>,
 }
 

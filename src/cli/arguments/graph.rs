@@ -27,7 +27,7 @@ pub enum GraphCommand {
 /// `catena graph build`
 #[derive(Debug, Args)]
 pub struct GraphBuildArguments {
-    /// The task's YAML file.
+    /// The task's YAML file, or its name.
     pub task: PathBuf,
     /// The recordings; by default those that the task names.
     #[arg(long)]
@@ -90,7 +90,7 @@ pub struct GraphGapsArguments {
 /// `catena graph localise`
 #[derive(Debug, Args)]
 pub struct GraphLocaliseArguments {
-    /// The task's YAML file.
+    /// The task's YAML file, or its name.
     pub task: PathBuf,
     /// A folder of recordings that the graph was not built from.
     #[arg(long)]

@@ -131,6 +131,29 @@ fn a_task_that_follows_itself_has_a_seam_also_where_all_pairs_are_scored() {
 }
 
 #[test]
+fn a_merged_graph_is_merged_with_another_as_its_parts_are() {
+    let (a, b) = two_tasks();
+    let mut c = TopologicalGraph::new(3, D_MAX);
+    let row: Vec<Vec<f32>> = (20..30_u8).map(|x| vec![f32::from(x), 0.0, 0.0]).collect();
+    add_demonstration(&mut c, &task("c", &["done"]), "c0", &row, &[9]);
+    let oracle = Oracle::new(D_MAX, forward);
+    let options = MergeOptions::default();
+    let merged = |graphs: &[&TopologicalGraph]| {
+        let merged = merge(graphs, &[], &oracle, &options, &silent);
+        merged.expect("the graphs fit").graph
+    };
+    let in_turn = merged(&[&merged(&[&a, &b]), &c]);
+    assert_eq!(in_turn.ends_joined_twice(), None);
+    let edges = |graph: &TopologicalGraph| {
+        let edges = graph.edges().map(|(a, b, e)| (a, b, e.kind, e.steps));
+        let mut edges: Vec<_> = edges.collect();
+        edges.sort_unstable();
+        edges
+    };
+    assert_eq!(edges(&in_turn), edges(&merged(&[&a, &b, &c])));
+}
+
+#[test]
 fn merging_what_does_not_belong_together_is_refused() {
     let (a, _) = two_tasks();
     let oracle = Oracle::new(D_MAX, forward);

@@ -6,8 +6,8 @@ use std::io::Read as _;
 use std::path::Path;
 
 use serde::Deserialize;
-use serde_json::Value;
 
+use super::names::Names;
 use super::{INFO, StorageError, fault};
 use crate::wording;
 
@@ -51,7 +51,7 @@ pub(super) struct Feature {
     pub dtype: String,
     pub shape: Vec<u64>,
     #[serde(default)]
-    pub names: Value,
+    pub names: Names,
 }
 
 /// The column of actions.
@@ -118,7 +118,7 @@ impl Feature {
     /// Names of the values of an action; `action_0` and so on where there are none that fit.
     pub fn action_names(&self) -> Vec<String> {
         let count = self.shape.first().map_or(0, |n| *n as usize);
-        let names = flat_names(&self.names);
+        let names = self.names.0.clone();
         let mut distinct = names.clone();
         distinct.sort();
         distinct.dedup();
@@ -156,25 +156,13 @@ impl Feature {
         let [a, b, c] = self.shape.as_slice() else {
             return None;
         };
-        let names = flat_names(&self.names);
-        let channels_first = match names.first().map(String::as_str) {
+        let channels_first = match self.names.0.first().map(String::as_str) {
             Some("channel" | "channels" | "c") => true,
             Some(_) => false,
             None => *a <= 4 && *c > 4,
         };
         let (height, width) = if channels_first { (*b, *c) } else { (*a, *b) };
         Some((u32::try_from(height).ok()?, u32::try_from(width).ok()?))
-    }
-}
-
-/// Names are a list, or lists within a map (`{"motors": [..]}`), or none.
-fn flat_names(names: &Value) -> Vec<String> {
-    match names {
-        Value::String(name) => vec![name.clone()],
-        Value::Array(list) => list.iter().flat_map(flat_names).collect(),
-        Value::Object(map) if map.values().all(Value::is_number) => map.keys().cloned().collect(),
-        Value::Object(map) => map.values().flat_map(flat_names).collect(),
-        _ => Vec::new(),
     }
 }
 

@@ -26,8 +26,6 @@ pub(in crate::storage) fn read_episode(
     for camera in &cameras {
         films.push(frames.film(camera, images.get(camera.key), &wanted, view)?);
     }
-    let stopped = films.iter().filter_map(|film| film.stopped(&chosen));
-    report.losses.extend(stopped);
     let all = steps.trajectory_steps(&frames.path, &frames.actions, films, &mut report)?;
     let kept = &chosen[chosen.len() - all.len()..];
     let trajectory = Trajectory {

@@ -241,6 +241,35 @@ fn version_two_reads_like_version_three() {
 }
 
 #[test]
+fn tasks_in_other_letters_are_numbered() {
+    let folder = tempfile::tempdir().unwrap();
+    let (three, two) = (folder.path().join("three"), folder.path().join("two"));
+    convert_to_lerobot(&open(&bridge()), &three, PictureFormat::Png).unwrap();
+    as_version_two(&three, &two);
+    let path = two.join("meta/episodes.jsonl");
+    let lines = fs::read_to_string(&path).unwrap();
+    let lines = lines.lines().enumerate().map(|(episode, _)| {
+        let task = if episode < 2 {
+            "皿に置く"
+        } else {
+            "コップを取る"
+        };
+        format!("{{\"episode_index\": {episode}, \"tasks\": [\"{task}\"], \"length\": 10}}\n")
+    });
+    fs::write(&path, lines.collect::<String>()).unwrap();
+    let recordings = open(&two);
+    assert_eq!(recordings.tasks(), ["task", "task_2"]);
+    let count = |task: &str| {
+        let (set, _) = recordings.demonstrations(task).unwrap();
+        set.trajectories().len()
+    };
+    assert_eq!((count("task"), count("task_2")), (4, 2));
+    assert_eq!(count("皿に置く"), 2);
+    let error = recordings.demonstrations("cup").unwrap_err().to_string();
+    assert!(error.contains("task_2 ('皿に置く')"), "{error}");
+}
+
+#[test]
 fn primitives_without_our_metadata_are_columns() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = folder.path().join("dataset");
@@ -310,6 +339,32 @@ fn a_mapping_file_names_the_task_of_a_dataset_that_has_one() {
     };
     assert_eq!(first_task("one"), "fetch");
     assert_eq!(first_task("two"), "put carrot on plate");
+}
+
+#[test]
+fn values_whose_names_are_numbered_are_called_by_their_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = folder.path().join("dataset");
+    convert_to_lerobot(&open(&bridge()), &dataset, PictureFormat::Png).unwrap();
+    fs::remove_file(dataset.join("meta/catena.json")).unwrap();
+    let path = dataset.join(INFO);
+    let text = fs::read_to_string(&path).unwrap();
+    let mut info: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let names = &mut info["features"]["action"]["names"];
+    let listed: Vec<String> = serde_json::from_value(names.take()).unwrap();
+    let numbered = listed.into_iter().zip(0_u64..);
+    *names = numbered.collect();
+    fs::write(&path, info.to_string()).unwrap();
+    let mapping = folder.path().join("grip.yaml");
+    let text = "recordings: dataset\nactions: {keep: [gripper]}\n";
+    fs::write(&mapping, text).unwrap();
+    let (whole, kept) = (all(&dataset).remove(0), all(&mapping).remove(0));
+    for (whole, kept) in whole.trajectory.steps.iter().zip(&kept.trajectory.steps) {
+        let Action::Continuous(values) = &whole.action else {
+            panic!("values")
+        };
+        assert_eq!(kept.action, Action::Continuous(vec![values[6]]));
+    }
 }
 
 #[test]
@@ -398,6 +453,10 @@ fn rows_without_an_image_are_told_and_a_camera_that_stops_leaves_the_episode_out
     let steps = &once.trajectory.steps;
     let seen = |step: usize| steps[step].observation.image("wrist");
     assert_eq!(seen(7), seen(6), "the image before stands in");
+    let back = folder.path().join("back");
+    let conversion = convert_to_mcap(&open(&dataset), &back, PictureFormat::Png).unwrap();
+    let is_told = |lost: &String| lost.contains("row 7 of the episode holds no image");
+    assert!(conversion.lost.iter().any(is_told), "{:?}", conversion.lost);
     forget_images(&table, key, |row| row == 7 || row >= 20);
     let stopped = all(&dataset).remove(0).report;
     assert!(

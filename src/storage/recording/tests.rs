@@ -220,6 +220,21 @@ fn wrong_steps_are_refused_while_writing() {
 }
 
 #[test]
+fn an_action_without_a_value_for_each_dimension_is_refused_while_writing() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = vec!["x".to_owned(), "gripper".to_owned()];
+    let space = ActionSpace::Continuous { names };
+    let path = folder.path().join("rollout.mcap");
+    let mut writer = EpisodeWriter::create(&path, "pour", &space).unwrap();
+    let mut step = trajectory(1).steps.remove(0);
+    for values in [vec![0.1], vec![0.1, 0.2, 0.3], vec![0.1, f32::NAN]] {
+        step.action = Action::Continuous(values);
+        let error = writer.add_step(&step).unwrap_err().to_string();
+        assert!(error.contains("of step 0 is not one of"), "{error}");
+    }
+}
+
+#[test]
 fn file_cut_off_anywhere_yields_its_complete_steps() {
     let folder = tempfile::tempdir().unwrap();
     let (path, _) = written(folder.path(), 240);

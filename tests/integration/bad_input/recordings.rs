@@ -112,6 +112,9 @@ pub(super) const CASES: &[Case] = &[
     ("folder without recordings", Path::to_owned),
     ("empty file", |f| raw_bytes(f, b"")),
     ("text instead of MCAP", |f| raw_bytes(f, b"task: cup")),
+    ("a bag of SQLite instead of MCAP", |f| {
+        raw_bytes(f, b"SQLite format 3\0")
+    }),
     ("only the magic number", |f| raw_bytes(f, mcap::MAGIC)),
     ("cut off in the first record", |f| {
         let path = with_action(f, "{}");
@@ -132,6 +135,10 @@ pub(super) const CASES: &[Case] = &[
             &f.join("demo.mcap"),
             &[told(1, r#"{"values": [1]}"#), shown(2)],
         )
+    }),
+    ("all actions at one time", |f| {
+        let act = || told(0, r#"{"values": [1]}"#);
+        mcap(&f.join("demo.mcap"), &[shown(0), act(), shown(0), act()])
     }),
     ("action is no JSON", |f| {
         with_action(f, r#"{"values": [1, "#)

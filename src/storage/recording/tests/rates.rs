@@ -9,6 +9,13 @@ const MILLIS: u64 = 1_000_000;
 
 /// Images on `/camera/top` and actions `[i, 1]` on `/arm/command`, in the order given, at these milliseconds.
 fn write(path: &Path, images: &[u64], actions: &[u64]) {
+    let images = images.iter().enumerate();
+    let images = images.map(|(i, millis)| (*millis, encode_png(&picture(6, 8, i)).unwrap()));
+    write_files(path, images, actions);
+}
+
+/// The same with what is in the image messages.
+fn write_files(path: &Path, images: impl Iterator<Item = (u64, Vec<u8>)>, actions: &[u64]) {
     let mut writer = mcap::Writer::new(fs::File::create(path).unwrap()).unwrap();
     let mut channel = |topic: &str, name: &str, encoding: &str| {
         let schema = writer.add_schema(name, "", b"").unwrap();
@@ -24,14 +31,14 @@ fn write(path: &Path, images: &[u64], actions: &[u64]) {
         log_time: millis * MILLIS,
         publish_time: 0,
     };
-    for (i, millis) in images.iter().enumerate() {
+    for (millis, data) in images {
         let image = FoxgloveCompressedImage {
-            data: encode_png(&picture(6, 8, i)).unwrap(),
+            data,
             format: "png".to_owned(),
         };
         let bytes = image.encode_to_vec();
         writer
-            .write_to_known_channel(&header(camera, *millis), &bytes)
+            .write_to_known_channel(&header(camera, millis), &bytes)
             .unwrap();
     }
     for (i, millis) in actions.iter().enumerate() {
@@ -199,6 +206,51 @@ fn a_camera_that_stops_long_before_the_actions_leaves_the_recording_out() {
     assert!(
         matches!(losses[..], [Loss::CameraStopped { millis: 3000, .. }]),
         "{losses:?}"
+    );
+}
+
+#[test]
+fn a_camera_whose_last_images_are_damaged_leaves_the_recording_out_as_if_it_had_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("arm.mcap");
+    let times: Vec<u64> = (0..31).map(|i| i * 100).collect();
+    let read_with = |sound: usize| {
+        let images = times.iter().enumerate().map(|(i, millis)| {
+            let damaged = || b"damaged".to_vec();
+            let sound = (i < sound).then(|| encode_png(&picture(6, 8, i)).unwrap());
+            (*millis, sound.unwrap_or_else(damaged))
+        });
+        write_files(&path, images, &times);
+        let recording = read(folder.path(), "", &ReadOptions::default());
+        (recording.report.losses.len(), recording.report.left_out)
+    };
+    assert_eq!(
+        read_with(28),
+        (1, None),
+        "three images are told and no more"
+    );
+    let (losses, left_out) = read_with(11);
+    let left_out = left_out.unwrap_or_default();
+    assert_eq!(losses, 2);
+    assert!(
+        left_out.contains("/camera/top gave its last image 2 s before the last action"),
+        "{left_out}"
+    );
+}
+
+#[test]
+fn topics_of_texts_that_say_nothing_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let times = [0, 100, 200];
+    write(&folder.path().join("arm.mcap"), &times, &times);
+    let mapping = folder.path().join("arm.yaml");
+    let topics = "topics: {action: /arm/command, subgoal: /subgaol}";
+    fs::write(&mapping, format!("recordings: arm.mcap\n{topics}\n")).unwrap();
+    let recordings = Recordings::open(&[mapping], &ReadOptions::default()).unwrap();
+    let looked = recordings.inspect().remove(0).unwrap();
+    assert_eq!(
+        looked.remarks,
+        ["there is no message on /subgaol, the topic of subgoals by the mapping file"]
     );
 }
 
