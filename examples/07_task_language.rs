@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 .within_steps(2)
                 .named("at_the_shelf"),
         )
-        // Not as in the demonstration that is cheapest.
+        // Not at all as in this one.
         .avoid(Region::of("sock").demonstration("sock_01000011"))
         .final_choice(FinalChoice::All)
         .step_limit(600)

@@ -6,8 +6,8 @@ use super::arguments::{Arguments, ComposeArguments};
 use super::error::CliError;
 use super::graph::results_folder;
 use super::loaded::{Loaded, tell_warnings};
-use crate::graph::{EdgeKind, TopologicalGraph};
-use crate::planner::{Audit, Explanation, Plan, Planner};
+use crate::graph::{EdgeKind, NodeId, TopologicalGraph};
+use crate::planner::{Audit, EdgeCost, Explanation, Plan, Planner};
 use crate::task::OrderAutomaton;
 use crate::view::write_automaton_svg;
 use crate::wording::counted;
@@ -115,6 +115,7 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
         counted(report.steps as usize, "step"),
         report.final_state
     );
+    text.push_str(&limit_note(report.steps, loaded.composition.limits.steps));
     if report.orders > 1 {
         let others = loaded.composition.other_tasks.iter();
         let not_done: Vec<&str> = others.map(|t| t.task.name.as_str()).collect();
@@ -123,7 +124,8 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
     }
     let mut task = "";
     let route = &planned.plan.route;
-    for (i, id) in route.iter().enumerate() {
+    let steps = steps_along(graph, &planned.planner.options().cost, route);
+    for (i, (id, step)) in route.iter().zip(steps).enumerate() {
         let node = graph.node(*id);
         // A task that is done again is entered by an edge between tasks too.
         let before = i
@@ -134,8 +136,10 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
             task = &node.task;
             let _ = writeln!(text, "  {task}: joins {}", node.place());
         }
-        for subgoal in &node.reached {
-            let _ = writeln!(text, "    step {i:>3}  {}", subgoal.name);
+        // What the robot reached before it starts is no part of the plan.
+        let is_before = i == 0 && planned.plan.begins_before;
+        for subgoal in node.reached.iter().filter(|_| !is_before) {
+            let _ = writeln!(text, "    step {step:>3}  {}", subgoal.name);
         }
     }
     let _ = writeln!(text, "audit of the plan: {}", report.audit);
@@ -177,6 +181,30 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
         );
     }
     text
+}
+
+/// What is to be said of a plan that no run gets through; nothing of others.
+fn limit_note(steps: u32, limit: u32) -> String {
+    if steps <= limit {
+        return String::new();
+    }
+    format!(
+        "  a run ends after {} ('limits: {{steps: ...}}'), before this plan does\n",
+        counted(limit as usize, "step")
+    )
+}
+
+/// After how many predicted steps each state of a route is reached: a predicted edge may take several.
+fn steps_along(graph: &TopologicalGraph, cost: &EdgeCost, route: &[NodeId]) -> Vec<u32> {
+    let mut steps = 0;
+    let mut along = vec![0];
+    for pair in route.windows(2) {
+        let edge = graph.edge(pair[0], pair[1]);
+        let price = edge.and_then(|edge| cost.price_edge(edge));
+        steps += price.map_or(0, |price| price.steps);
+        along.push(steps);
+    }
+    along
 }
 
 /// An order of several, and by what it was chosen.
@@ -243,7 +271,33 @@ fn explain(loaded: &Loaded, planner: &Planner) -> Result<Explanation, CliError> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::graph::Edge;
+    use crate::graph::fakes::{add_demonstration, task as demonstrated};
     use crate::task::Order;
+
+    #[test]
+    fn predicted_edges_of_several_steps_count_as_so_many() {
+        let walk = demonstrated("walk", &["there"]);
+        let mut graph = TopologicalGraph::new(1, 5);
+        let places: Vec<Vec<f32>> = (0..4).map(|x| vec![x as f32]).collect();
+        let [first, second] =
+            ["w0", "w1"].map(|id| add_demonstration(&mut graph, &walk, id, &places, &[3]));
+        let three_steps = Edge::predicted(EdgeKind::Learned, &[0.0, 0.0, 0.9, 0.0, 0.1]);
+        graph.add_edge(first[1], second[2], three_steps);
+        let route = [first[0], first[1], second[2], second[3]];
+        let cost = EdgeCost::RiskAverse { lambda: 3.0 };
+        assert_eq!(steps_along(&graph, &cost, &route), [0, 1, 4, 5]);
+    }
+
+    #[test]
+    fn a_plan_that_no_run_gets_through_is_told() {
+        assert_eq!(limit_note(80, 80), "");
+        let told = limit_note(80, 10);
+        assert!(
+            told.contains("ends after 10 steps ('limits: {steps: ...}')"),
+            "{told}"
+        );
+    }
 
     #[test]
     fn an_order_is_the_cheapest_of_all_only_where_nothing_is_optional() {

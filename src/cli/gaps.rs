@@ -18,6 +18,9 @@ struct GapsReport {
     seams: Vec<SeamGaps>,
     /// Where one more demonstration would help most; none where a composition has one task and a way.
     most_helpful: Option<Wish>,
+    /// Why there is no plan, where there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    no_plan: Option<String>,
 }
 
 /// What lies between two tasks that follow each other.
@@ -57,15 +60,16 @@ pub(super) fn gaps(
     let loaded = Loaded::load(&gaps_arguments.file.to_string_lossy(), arguments)?;
     let planner = loaded.planner(loaded.composition.planner.clone())?;
     let graph = &loaded.graph;
-    let most_helpful = match planner.plan_from_start() {
-        Ok(plan) => weakest_crossing(graph, &plan),
-        Err(why) => missing_link(graph, &why),
+    let (most_helpful, no_plan) = match planner.plan_from_start() {
+        Ok(plan) => (weakest_crossing(graph, &plan), None),
+        Err(why) => (missing_link(graph, &why), Some(why.to_string())),
     };
     let seams = &loaded.merge_report.seams;
     let report = GapsReport {
         name: loaded.composition.name.clone(),
         seams: seams.iter().map(|s| seam_gaps(&loaded, s)).collect(),
         most_helpful,
+        no_plan,
     };
     if gaps_arguments.json {
         println!("{}", serde_json::to_string_pretty(&report)?);
@@ -150,13 +154,34 @@ fn described(report: &GapsReport) -> String {
             }
         }
     }
-    let _ = match &report.most_helpful {
-        Some(wish) => writeln!(
+    let _ = match (&report.most_helpful, &report.no_plan) {
+        (Some(wish), _) => writeln!(
             text,
             "one more demonstration would help most from {} to {}: {}",
             wish.from, wish.to, wish.reason
         ),
-        None => writeln!(text, "{}: nothing to bridge", report.name),
+        (None, Some(why)) => writeln!(text, "{}: there is no plan: {why}", report.name),
+        (None, None) => writeln!(text, "{}: nothing to bridge", report.name),
     };
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_a_plan_it_is_not_said_that_nothing_is_to_be_bridged() {
+        let told = |no_plan: Option<&str>| {
+            described(&GapsReport {
+                name: "two".to_owned(),
+                seams: Vec::new(),
+                most_helpful: None,
+                no_plan: no_plan.map(str::to_owned),
+            })
+        };
+        assert_eq!(told(None), "two: nothing to bridge\n");
+        let why = "no route to a final state";
+        assert_eq!(told(Some(why)), format!("two: there is no plan: {why}\n"));
+    }
 }

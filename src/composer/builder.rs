@@ -110,6 +110,13 @@ impl CompositionBuilder {
         self
     }
 
+    /// The task with which the run ends, where the orders leave that open.
+    #[must_use]
+    pub fn final_task(mut self, task: impl Into<String>) -> Self {
+        self.spec.final_task = Some(task.into().into());
+        self
+    }
+
     /// Which end state of the last task the run leads to.
     #[must_use]
     pub fn final_choice(mut self, choice: FinalChoice) -> Self {
@@ -156,7 +163,7 @@ impl CompositionBuilder {
     ///
     /// # Errors
     /// All faults: no tasks, no model, a limit out of range, a name that cannot be part of a path, a region
-    /// of a task that is not done.
+    /// of a task that is not done, a final task that no order ends with.
     pub fn build(self) -> Result<Composition, Diagnostics> {
         let mut faults = Faults::default();
         let name = self.spec.name.as_ref().map_or("", |n| &n.value).to_owned();
@@ -245,8 +252,16 @@ mod tests {
         for name in names {
             builder = builder.task(task(name).unwrap());
         }
-        builder.spec.final_task = Some("a".to_owned().into());
-        let composition = builder.build().expect("a sound composition");
+        let composition = builder
+            .clone()
+            .final_task("a")
+            .build()
+            .expect("a sound composition");
         assert_eq!(composition.automaton.tasks().join(" "), "b c d e f g h a");
+        let faults = builder.final_task("i").build().unwrap_err().to_string();
+        assert!(
+            faults.contains("one of 'i', which is not the last task"),
+            "{faults}"
+        );
     }
 }

@@ -65,18 +65,22 @@ impl Composition {
     }
 
     fn check_final_state(&self, graph: &TopologicalGraph, faults: &mut Faults) {
-        let Some(task) = self.tasks.last().map(|t| t.task.name.as_str()) else {
-            return;
+        let last: Vec<&str> = match self.final_task() {
+            Some(task) => vec![task],
+            None => self.orders.last_tasks().into_iter().collect(),
         };
         let nodes = graph.nodes().map(|(_, n)| n);
         let ends: BTreeSet<&str> = nodes
-            .filter(|n| n.is_end && n.task == task)
+            .filter(|n| n.is_end && last.contains(&n.task.as_str()))
             .map(|n| n.trajectory.as_str())
             .collect();
         let origin = self.spec.final_choice.origin.as_ref();
         match &self.final_choice {
             FinalChoice::Demonstration(id) if !ends.contains(id.as_str()) => {
-                let message = format!("no demonstration '{id}' of task '{task}' is in the graph");
+                let message = format!(
+                    "no demonstration '{id}' of task '{}' is in the graph",
+                    last.join("' or '")
+                );
                 let fault = Diagnostic::error(message).at_any(origin);
                 faults.add(fault.help(suggestion(id, ends, "there are")));
             }
@@ -118,7 +122,7 @@ fn passed(faults: Faults) -> Result<(), Diagnostics> {
 mod tests {
     use super::*;
     use crate::composer::{FoundBy, TaskSpec};
-    use crate::task::Subgoal;
+    use crate::task::{Order, OrderAutomaton, Subgoal};
 
     fn composition(choice: FinalChoice) -> Composition {
         let task = |name: &str, subgoals: [&str; 2]| {
@@ -197,6 +201,30 @@ mod tests {
                  are b_000)",
             ]
         );
+    }
+
+    #[test]
+    fn a_final_demonstration_may_be_of_any_task_that_may_be_last() {
+        let graph = graph(&[("a", &["a1", "a2"]), ("b", &["b1", "b2"])]);
+        let any_order = |id: &str| {
+            let mut open = composition(FinalChoice::Demonstration(id.to_owned()));
+            let parts = ["a", "b"].map(|name| Order::Task(name.to_owned()));
+            open.orders = OrderAutomaton::new(&Order::AnyOrder(parts.to_vec())).expect("small");
+            open
+        };
+        assert!(any_order("a_000").check_against(&graph).is_ok());
+        assert_eq!(
+            told(any_order("a_001").check_against(&graph)),
+            [
+                "no demonstration 'a_001' of task 'a' or 'b' is in the graph (did you mean 'a_000'? \
+                 there are a_000, b_000)"
+            ]
+        );
+        // Where no order connects, one is left that ends as it is to.
+        let mut open = any_order("a_000");
+        assert_eq!(open.automaton.tasks(), ["a", "b"]);
+        assert_eq!(open.settle(&graph), Ok(None));
+        assert_eq!(open.automaton.tasks(), ["b", "a"]);
     }
 
     #[test]

@@ -56,7 +56,8 @@ pub struct Composition {
     pub calibration: Calibration,
     /// Bounds of a run.
     pub limits: Limits,
-    /// The simulated world to start in: its own, else that of the first task.
+    /// The simulated world to start in: its own, else that of the task at whose end the robot starts, else that of the
+    /// first task.
     pub environment: Option<EnvironmentConfig>,
     /// What may not be meant as written, though it works.
     pub warnings: Vec<Diagnostic>,
@@ -270,7 +271,8 @@ impl Composition {
     }
 
     /// Takes the cheapest of the allowed orders on a graph, usually the merged one, of those that leave the
-    /// fewest optional parts out; see [`settle_order`]. `None`, and nothing changes, where no order connects.
+    /// fewest optional parts out; see [`settle_order`]. `None` where no order connects, and nothing changes
+    /// unless the final state is that of a demonstration: the first order that ends with its task is taken then.
     ///
     /// # Errors
     /// [`PlannerError::UnknownTask`] for a task that the graph lacks.
@@ -283,8 +285,29 @@ impl Composition {
         let settled = settle_order(graph, &self.orders, &tasks, self.final_task(), how)?;
         if let Some(settled) = &settled {
             self.take_order(&settled.tasks);
+        } else if let Some(order) = self.first_order_to_its_end(graph) {
+            self.take_order(&order);
         }
         Ok(settled)
+    }
+
+    /// Where the final state is that of a demonstration and the present order ends with another task, the first
+    /// order that ends with one of which it is.
+    fn first_order_to_its_end(&self, graph: &TopologicalGraph) -> Option<Vec<String>> {
+        let FinalChoice::Demonstration(id) = &self.final_choice else {
+            return None;
+        };
+        let is_end_of = |task: &str| {
+            let mut nodes = graph.nodes().map(|(_, n)| n);
+            nodes.any(|n| n.is_end && n.task == task && n.trajectory == *id)
+        };
+        let present = self.tasks.last().map(|t| t.task.name.as_str());
+        if self.final_task().is_some() || present.is_some_and(is_end_of) {
+            return None;
+        }
+        let mut last = self.orders.last_tasks().into_iter();
+        let ending = last.find(|task| is_end_of(task))?;
+        self.orders.orders_ending_with(Some(ending), 1).pop()
     }
 
     /// The composition with its warnings, unless there are errors.

@@ -115,6 +115,8 @@ pub struct CompositionSpec {
     pub calibration: Calibration,
     /// Bounds of a run.
     pub limits: Located<Limits>,
+    /// Whether what is to be done was written and could not be read, so that its orders are not known.
+    pub(super) is_order_misread: bool,
 }
 
 impl Default for CompositionSpec {
@@ -135,6 +137,7 @@ impl Default for CompositionSpec {
             planner: PlannerOptions::default(),
             calibration: Calibration::default(),
             limits: Limits::default().into(),
+            is_order_misread: false,
         }
     }
 }
@@ -158,6 +161,7 @@ impl CompositionSpec {
             ..Self::default()
         };
         spec.order = read_order(&fields, &mut spec.tasks, reader);
+        spec.is_order_misread = spec.order.is_none();
         if let Some(node) = fields.value("start") {
             spec.start = read_start(node, reader).unwrap_or_default();
         }

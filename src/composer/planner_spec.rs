@@ -25,7 +25,7 @@ const MAX_OUT_EDGES: u32 = 1_000_000;
 pub(super) fn read_planner(node: &Node, reader: &mut Reader<'_>) -> PlannerOptions {
     if !matches!(node.value, Value::Map(_)) && node.as_text().is_some() {
         let choices = [("default", false), ("paper", true)];
-        return match reader.choice(node, "planner", &choices) {
+        return match reader.choice_or(node, "planner", &choices, &["{edges: all}"]) {
             Some(true) => PlannerOptions::paper(),
             _ => PlannerOptions::default(),
         };
@@ -68,7 +68,7 @@ pub(super) fn read_planner(node: &Node, reader: &mut Reader<'_>) -> PlannerOptio
         options.forward_leap_steps = if node.as_text() == Some("any") {
             None
         } else {
-            reader.integer(node, "forward_leap_steps", &(0..=MAX_STEPS))
+            reader.integer_or(node, "forward_leap_steps", &(0..=MAX_STEPS), Some("any"))
         };
     }
     if let Some(node) = fields.value("min_live_probability") {
@@ -108,7 +108,7 @@ fn read_predicted_edges(node: &Node, reader: &mut Reader<'_>) -> PruneOptions {
         options.max_out_edges = if node.as_text() == Some("any") {
             None
         } else {
-            let cap = reader.integer(node, "max_out_edges", &(0..=MAX_OUT_EDGES));
+            let cap = reader.integer_or(node, "max_out_edges", &(0..=MAX_OUT_EDGES), Some("any"));
             cap.map(|cap| cap as usize)
         };
     }

@@ -185,17 +185,30 @@ impl Reader<'_> {
         what: &str,
         range: &RangeInclusive<u32>,
     ) -> Option<u32> {
+        self.integer_or(node, what, range, None)
+    }
+
+    /// A whole number where a word is possible, too, which the caller has looked for.
+    pub(super) fn integer_or(
+        &mut self,
+        node: &Node,
+        what: &str,
+        range: &RangeInclusive<u32>,
+        word: Option<&'static str>,
+    ) -> Option<u32> {
         let (low, high) = (range.start(), range.end());
-        let usual = format!("choose a whole number within {low}..={high}");
+        let or = word.map_or_else(String::new, |word| format!(" or {word}"));
+        let wanted = format!("a whole number{or}");
+        let usual = format!("choose a whole number within {low}..={high}{or}");
         let help = || way_out::number(node, &usual);
         let Some(text) = node.as_number_text() else {
-            self.misfit(node, what, "a whole number", help());
+            self.misfit(node, what, &wanted, help());
             return None;
         };
         match text.parse::<u32>() {
             Ok(number) if range.contains(&number) => Some(number),
             Err(_) if text.contains(['.', 'e', 'E']) => {
-                self.misfit(node, what, "a whole number", help());
+                self.misfit(node, what, &wanted, help());
                 None
             }
             _ => {

@@ -1,5 +1,7 @@
 //! What `via` and `avoid` come to: checked against tasks, then found on a graph.
 
+use std::collections::BTreeMap;
+
 use super::composition::Composition;
 use super::composition_spec::CompositionSpec;
 use super::diagnostic::{Diagnostic, Faults};
@@ -119,7 +121,8 @@ impl Composition {
     ///
     /// # Errors
     /// A diagnostic for each region that has no state, names a demonstration or steps that the graph does
-    /// not have, lies on both sides of a subgoal although it is to be passed, or is to be passed and avoided.
+    /// not have, lies on both sides of a subgoal although it is to be passed, is to be passed and avoided, or
+    /// is passed by no demonstration after those that are to be passed before it.
     pub fn place_regions(
         &mut self,
         mut graph: TopologicalGraph,
@@ -137,14 +140,25 @@ impl Composition {
         if faults.error_count() > 0 {
             return Err(Diagnostics::new(faults));
         }
-        for (subgoal, stretch, states) in found.into_iter().flatten() {
+        for (spec, found) in self.spec.via.iter().zip(found) {
+            let Some((subgoal, stretch, states)) = found else {
+                continue;
+            };
             // Those of the same stretch are passed in the order in which they are written.
             let earlier = self.via.iter();
             let earlier = earlier.filter(|(at, s)| s.task == subgoal.task && *at <= stretch);
             let at = stretch + earlier.count();
             let beside = mark_subgoal(&mut graph, &subgoal, at, &states);
+            if !graph.nodes().any(|(_, n)| n.reached.contains(&subgoal)) {
+                faults.add(never_passed(spec, stretch, &self.via));
+            }
             self.unplaced.extend(beside);
             self.via.push((stretch, subgoal));
+        }
+        if faults.error_count() > 0 {
+            self.via.clear();
+            self.unplaced.clear();
+            return Err(Diagnostics::new(faults));
         }
         self.avoid = avoid;
         self.renew_automaton();
@@ -246,6 +260,24 @@ fn straddling(spec: &RegionSpec, task: &Task, first: usize, last: usize) -> Diag
         .help(help)
 }
 
+/// A region to pass that no demonstration passes after those before it of the same stretch.
+fn never_passed(spec: &RegionSpec, stretch: usize, earlier: &[(usize, Subgoal)]) -> Diagnostic {
+    let beside = earlier
+        .iter()
+        .filter(|(at, s)| *at == stretch && s.task == spec.task.value);
+    let names: Vec<&str> = beside.map(|(_, s)| s.name.as_str()).collect();
+    let message = format!(
+        "no demonstration passes '{}' after {}",
+        spec.region(),
+        names.join(", ")
+    );
+    let help = "what lies between the same two subgoals is passed in the order in which it is written: put them in \
+                that of a demonstration, choose regions of the same one, or grow them by 'within_steps'";
+    Diagnostic::error(message)
+        .at_any(spec.origin.as_ref())
+        .help(help)
+}
+
 /// What is wrong with a region, at the part of it that is.
 fn fault_of(error: &RegionError, spec: &RegionSpec, graph: &TopologicalGraph) -> Diagnostic {
     let origin = |part: &Option<Located<String>>| part.as_ref().and_then(|p| p.origin.clone());
@@ -277,10 +309,84 @@ fn fault_of(error: &RegionError, spec: &RegionSpec, graph: &TopologicalGraph) ->
         }
         RegionError::Empty { .. } => {
             let fault = Diagnostic::error(error.to_string()).at_any(spec.origin.as_ref());
-            fault.help(
-                "all that is said of a region must hold; see where the subgoals of its demonstrations are \
-                 with `catena graph show`",
-            )
+            fault.help(format!(
+                "all that is said of a region must hold{}",
+                reached_in(spec, graph)
+            ))
+        }
+    }
+}
+
+/// At which steps the demonstrations that a region may be of reach the subgoals of its task, to follow other words.
+fn reached_in(spec: &RegionSpec, graph: &TopologicalGraph) -> String {
+    let id = spec.demonstration.as_ref().map(|d| d.value.as_str());
+    let nodes = graph.nodes().map(|(_, n)| n);
+    let nodes =
+        nodes.filter(|n| n.task == spec.task.value && id.is_none_or(|id| n.trajectory == id));
+    let mut steps: BTreeMap<&str, (u32, u32)> = BTreeMap::new();
+    for node in nodes {
+        for subgoal in &node.reached {
+            let (first, last) = steps.entry(&subgoal.name).or_insert((node.step, node.step));
+            *first = node.step.min(*first);
+            *last = node.step.max(*last);
+        }
+    }
+    let mut reached: Vec<(&str, (u32, u32))> = steps.into_iter().collect();
+    reached.sort_by_key(|(_, steps)| *steps);
+    let told = reached.iter().map(|(name, (first, last))| {
+        if first == last {
+            format!("{name} at step {first}")
+        } else {
+            format!("{name} at steps {first} to {last}")
+        }
+    });
+    let told: Vec<String> = told.collect();
+    if told.is_empty() {
+        return String::new();
+    }
+    format!("; its demonstrations reach {}", told.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::composer::{FoundBy, TaskSpec};
+    use crate::graph::fakes::{add_demonstration, task};
+    use crate::task::Region;
+
+    #[test]
+    fn regions_that_no_demonstration_passes_one_after_the_other_are_told() {
+        let walk = task("walk", &["first", "second"]);
+        let mut graph = TopologicalGraph::new(1, 5);
+        for id in ["w0", "w1"] {
+            let places: Vec<Vec<f32>> = (0..10).map(|x| vec![x as f32]).collect();
+            add_demonstration(&mut graph, &walk, id, &places, &[2, 9]);
+        }
+        let placed = |order: [(&str, u32); 2]| {
+            let spec = TaskSpec::new("walk", "graphs/walk")
+                .model("graphs/model")
+                .subgoal("first", FoundBy::Marker(None))
+                .subgoal("second", FoundBy::End);
+            let mut builder =
+                Composition::builder("round").task(spec.resolve(Path::new("")).expect("sound"));
+            for (id, step) in order {
+                let region = Region::of("walk").demonstration(id).steps(step..=step);
+                builder = builder.via(region.named(format!("at_{step}")));
+            }
+            let mut composition = builder.build().expect("sound");
+            let placed = composition.place_regions(graph.clone()).map(|_| ());
+            (placed, composition.automaton.stage_count())
+        };
+        let (sound, stages) = placed([("w0", 4), ("w0", 6)]);
+        assert!(sound.is_ok() && stages == 5);
+        for order in [[("w0", 6), ("w0", 4)], [("w0", 4), ("w1", 6)]] {
+            let (faults, _) = placed(order);
+            let told = faults.expect_err("it cannot be passed").to_string();
+            let [first, second] = order.map(|(_, step)| step);
+            let wanted = format!("no demonstration passes 'at_{second}' after at_{first}");
+            assert_eq!(told, wanted);
         }
     }
 }

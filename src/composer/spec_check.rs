@@ -33,8 +33,11 @@ impl CompositionSpec {
         order.unwrap_or_else(|| Order::InOrder(names().collect()))
     }
 
-    /// All orders that are allowed.
+    /// All orders that are allowed; none where that is not known, of which a fault is told.
     pub(super) fn orders(&self, faults: &mut Faults) -> Option<OrderAutomaton> {
+        if self.is_order_misread {
+            return None;
+        }
         OrderAutomaton::new(&self.order())
             .map_err(|e| {
                 let first = self.tasks.first().and_then(|t| t.origin.as_ref());
@@ -78,6 +81,10 @@ impl CompositionSpec {
     pub(super) fn checked_name(&self, file_name: &str, faults: &mut Faults) -> String {
         let Some(name) = &self.name else {
             if let Some(fault) = name_fault(file_name, "the name of a composition") {
+                let fault = match self.tasks.first().and_then(|t| t.origin.as_ref()) {
+                    Some(written) => fault.in_file(written.source.path()),
+                    None => fault,
+                };
                 faults.add(fault.help("give it a name of its own: 'name: sock_then_trash'"));
             }
             return file_name.to_owned();
@@ -115,8 +122,16 @@ impl CompositionSpec {
         let steps = self.limits.value.steps;
         if (steps as usize) < fewest {
             let message = format!("{steps} steps are too few for {fewest} subgoals");
-            let fault = Diagnostic::error(message).at_any(self.limits.origin.as_ref());
-            faults.add(fault.help("a demonstration of one task takes 40 to 100 steps"));
+            let written = self.limits.origin.as_ref();
+            let usual = "a demonstration of one task takes 40 to 100 steps";
+            // Without limits of its own it has the usual ones.
+            let help = match written {
+                Some(_) => usual.to_owned(),
+                None => format!("give it more with 'limits: {{steps: ...}}'; {usual}"),
+            };
+            let first = self.tasks.first().and_then(|t| t.origin.as_ref());
+            let fault = Diagnostic::error(message).at_any(written.or(first));
+            faults.add(fault.help(help));
         }
     }
 
@@ -159,5 +174,44 @@ impl CompositionSpec {
             return None;
         }
         Some((*model).clone())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::composer::compose_source;
+    use crate::composer::source::Source;
+
+    fn told(file: &str, text: &str) -> Vec<String> {
+        let source = Source::new(file, text);
+        let faults = compose_source(&source, Path::new("")).expect_err("it is broken");
+        faults.iter().map(Diagnostic::line).collect()
+    }
+
+    #[test]
+    fn of_orders_that_cannot_be_read_nothing_more_is_said() {
+        let misread = "do: {any_order: [trash, sock, {repeat: {times: 0, do: wine}}]}\n\
+                       final_state: {of: trash}\nlimits: {steps: 6}\n";
+        let told = told("misread.yaml", misread);
+        assert_eq!(
+            told,
+            ["misread.yaml:1:48: times is the number 0, out of range"]
+        );
+    }
+
+    #[test]
+    fn a_fault_of_what_is_not_written_names_the_file_all_the_same() {
+        let told = told(
+            "a b.yaml",
+            "do: {repeat: {times: 60, do: [sock, trash, wine]}}",
+        );
+        assert_eq!(
+            told,
+            [
+                "a b.yaml: 'a b' cannot be the name of a composition",
+                "a b.yaml:1:31: 400 steps are too few for 420 subgoals",
+            ]
+        );
     }
 }

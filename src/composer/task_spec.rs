@@ -261,7 +261,7 @@ fn read_nth(node: &Node, reader: &mut Reader<'_>) -> Option<Occurrence> {
     if node.as_text() == Some("last") {
         return Some(Occurrence::Last);
     }
-    let nth = reader.integer(node, "nth", &(1..=1000))?;
+    let nth = reader.integer_or(node, "nth", &(1..=1000), Some("last"))?;
     Some(Occurrence::Nth(nth as usize))
 }
 

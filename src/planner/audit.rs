@@ -88,15 +88,16 @@ impl Audit {
 /// If a node is not in the graph.
 #[must_use]
 pub fn audit(graph: &TopologicalGraph, automaton: &Automaton, route: &[NodeId]) -> Audit {
-    audit_after(graph, automaton, None, route)
+    audit_after(graph, automaton, (None, None), route)
 }
 
 /// The same of a route that an edge leads into from a state `before` it: whatever holds there counts for
-/// nothing, and what is to count at the route's first state must be reached there.
+/// nothing, and what is to count at the route's first state must be reached there. `begun` is the stage at that
+/// state, where it is known: of a task that is done several times it says which time.
 pub(super) fn audit_after(
     graph: &TopologicalGraph,
     automaton: &Automaton,
-    before: Option<NodeId>,
+    (before, begun): (Option<NodeId>, Option<usize>),
     route: &[NodeId],
 ) -> Audit {
     let walker = Walker {
@@ -109,7 +110,7 @@ pub(super) fn audit_after(
         audit.missed = automaton.subgoals().to_vec();
         return audit;
     };
-    let mut occurrence = walker.next_occurrence(0, first);
+    let mut occurrence = walker.first_occurrence(first, begun);
     let mut here = walker.stage(occurrence, first);
     let mut furthest = here;
     match before {
@@ -148,6 +149,17 @@ struct Walker<'a> {
 }
 
 impl Walker<'_> {
+    /// The occurrence of the node's task at which it has this stage, else the first one.
+    fn first_occurrence(&self, node: NodeId, stage: Option<usize>) -> Option<usize> {
+        let tasks = self.automaton.tasks();
+        let is_it = |o: &usize| {
+            tasks[*o] == self.graph.node(node).task && Some(self.stage(Some(*o), node)) == stage
+        };
+        (0..tasks.len())
+            .find(is_it)
+            .or_else(|| self.next_occurrence(0, node))
+    }
+
     /// The first occurrence of the node's task from `from` on, else the first of all.
     fn next_occurrence(&self, from: usize, node: NodeId) -> Option<usize> {
         let tasks = self.automaton.tasks();

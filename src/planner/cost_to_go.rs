@@ -73,6 +73,9 @@ impl CostToGo {
     }
 
     /// The cost from a place, or `None` when no goal can be reached from it.
+    ///
+    /// # Panics
+    /// If the place is not in the layout.
     #[must_use]
     pub fn cost(&self, place: PlaceId) -> Option<f64> {
         let cost = self.costs[place.index()];
@@ -80,6 +83,9 @@ impl CostToGo {
     }
 
     /// Whether a place is a goal.
+    ///
+    /// # Panics
+    /// If the place is not in the layout.
     #[must_use]
     pub fn is_goal(&self, place: PlaceId) -> bool {
         self.is_goal[place.index()]

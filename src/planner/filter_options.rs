@@ -4,20 +4,21 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FilterOptions {
-    /// Weight of staying at a state for a step; the three weights are relative to each other.
+    /// Weight of staying at a state for a step; the three weights are relative to each other, none of them negative
+    /// and not all 0.
     pub stay: f64,
     /// Weight of going on to the next state of the same demonstration.
     pub advance: f64,
     /// Weight of going on by two states.
     pub hurry: f64,
-    /// Probability of a jump to any state at about the same time of the composition.
+    /// Probability of a jump to any state at about the same time of the composition; with `restart` at most 1.
     pub jump: f64,
     /// Probability of being anywhere at all, whatever was known: how fast an error is forgotten. With 1 here and 0 for
     /// `jump` nothing is remembered.
     pub restart: f64,
     /// Power that likelihoods are raised to: below 1 because images that follow each other err alike.
     pub evidence_weight: f64,
-    /// Least likelihood of a state, so that one wrong prediction rules nothing out.
+    /// Least likelihood of a state, above 0, so that one wrong prediction rules nothing out.
     pub floor: f64,
     /// Power that the probabilities of the stage classifier are raised to; 0 leaves it out.
     pub classifier_weight: f64,

@@ -129,11 +129,9 @@ impl Layout {
     ) {
         let mut start_steps = 0.0;
         for (occurrence, (task, stages)) in tasks.iter().enumerate() {
-            let timeline = Timeline::new(graph, task);
+            let timeline = Timeline::without(graph, task, unplaced);
             self.starts.push(self.places.len() as u32);
-            let times = timeline.time_steps.iter();
-            let placed = times.filter(|(node, _)| !unplaced.contains(node));
-            for (rank, (&node, time)) in placed.enumerate() {
+            for (rank, (&node, time)) in timeline.time_steps.iter().enumerate() {
                 self.ranks[node.index()] = rank as u32;
                 self.occurrences[node.index()].push(occurrence);
                 self.places.push(Place {
@@ -165,11 +163,21 @@ impl Layout {
         PlaceId(self.starts[occurrence] + self.ranks[node.index()])
     }
 
-    /// Whether no subgoal of its task holds at a place, and its stage is that of the tasks before.
+    /// Whether no subgoal of its task holds at a place, and its stage is that of the tasks before. Never so of the
+    /// first task.
+    ///
+    /// # Panics
+    /// If the place is not in the layout.
     #[must_use]
     pub fn is_at_start(&self, place: PlaceId) -> bool {
         let place = self.place(place);
         place.occurrence > 0 && self.offsets.get(place.occurrence) == Some(&place.stage)
+    }
+
+    /// The stage at which the first task begins: 0, unless a region that is to be passed holds all its first states.
+    pub(super) fn first_stage(&self) -> usize {
+        let first = self.places.iter().filter(|p| p.occurrence == 0);
+        first.map(|p| p.stage).min().unwrap_or(0)
     }
 
     /// The stages at which a later task starts.
@@ -193,13 +201,19 @@ impl Layout {
     }
 
     /// The places of a node, one for each occurrence of its task.
+    ///
+    /// # Panics
+    /// If the node is not in the graph.
     pub fn places_of(&self, node: NodeId) -> impl Iterator<Item = PlaceId> {
         self.occurrences[node.index()]
             .iter()
             .map(move |o| self.at(node, *o))
     }
 
-    /// The place one step later in the same demonstration.
+    /// The place one step later in the same demonstration; none for its last state.
+    ///
+    /// # Panics
+    /// If the place is not in the layout.
     #[must_use]
     pub fn successor(&self, id: PlaceId) -> Option<PlaceId> {
         self.successors[id.index()]
@@ -226,6 +240,9 @@ impl Layout {
     /// Whether a plan that is at `stage` may go to a place next: the place keeps the stage, or
     /// reaches all that lies between. A task is entered when those before it are done, so that a state
     /// cannot reach the same subgoal of two rounds at once.
+    ///
+    /// # Panics
+    /// If the place is not in the layout, or the layout is of another graph.
     #[must_use]
     pub fn may_enter(&self, graph: &TopologicalGraph, stage: usize, to: PlaceId) -> bool {
         let place = self.place(to);

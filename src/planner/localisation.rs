@@ -108,6 +108,9 @@ impl StageFilter {
 
     /// Weighs places by what a classifier of the same graph makes of the robot's latent, too, where
     /// [`look`](Self::look) is given one.
+    ///
+    /// # Panics
+    /// If the classifier is of a graph with fewer nodes.
     #[must_use]
     pub fn with_classifier(mut self, classifier: Arc<StageClassifier>) -> Self {
         self.sense = Some(StageSense::new(classifier, &self.layout));
@@ -134,8 +137,9 @@ impl StageFilter {
     pub fn reset(&mut self) {
         self.belief.clear(&self.groups);
         self.belief.list_all(&self.groups);
+        let first_stage = self.layout.first_stage();
         for (id, place) in (0..).map(PlaceId).zip(self.layout.places()) {
-            let mass = self.outset.mass(place) + self.options.restart;
+            let mass = self.outset.mass(place, first_stage) + self.options.restart;
             self.belief.add(id, mass);
         }
         for (id, weight) in self.outset.named() {
@@ -143,7 +147,7 @@ impl StageFilter {
         }
         self.belief.weigh(|_| 1.0, |_| 1.0);
         self.forget_the_least();
-        self.stages.begin(self.outset.stage());
+        self.stages.begin(self.outset.stage(first_stage));
         self.placing_steps = match self.outset {
             Outset::Anywhere => PLACING_STEPS,
             _ => 0,
@@ -203,7 +207,7 @@ impl StageFilter {
     }
 
     /// The most probable places of the current stage with their shares of the belief in all of them, the
-    /// most probable one first: at most `count`, and none that is `1 / RULED_OUT` times less probable than
+    /// most probable one first: at most `count`, and none that is more than fifty times less probable than
     /// the first. None where the belief rules that stage out, as on the step that finds an earlier one overlooked.
     #[must_use]
     pub fn most_probable_places(&self, count: usize) -> Vec<(PlaceId, f64)> {
@@ -239,7 +243,8 @@ impl StageFilter {
         self.stages.accept(stage);
     }
 
-    /// One step on: the robot acted, and now sees something at these distances.
+    /// One step on: the robot acted, and now sees something at these distances, which are those of the states of the
+    /// layout's graph.
     pub fn update(&mut self, distances: &LiveDistances) -> Localisation {
         self.update_with(distances, None, None)
     }

@@ -1,10 +1,15 @@
+use std::collections::HashMap;
 use std::fmt;
 
 use super::roads::{Rejection, Roads, road};
+use super::source::{crossings, sources_avoiding};
 use super::{CostToGo, LiveDistances, Localisation, PlaceId, Planner, Start};
 use crate::graph::{EdgeKind, NodeId};
 use crate::task::Subgoal;
 use crate::wording;
+
+/// The places where a way may begin if these states, and no others, are avoided.
+type StartsAvoiding<'a> = &'a dyn Fn(&HashMap<NodeId, usize>) -> Vec<PlaceId>;
 
 /// The place where a route breaks off that would be easiest to mend.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,12 +117,39 @@ pub(super) fn explain_live(
 
 /// Why no final state can be reached from any of some places.
 pub(super) fn explain(planner: &Planner, starts: &[PlaceId]) -> NoPath {
+    explain_avoiding(planner, starts, &|_| starts.to_vec())
+}
+
+/// Why no final state can be reached from where the terms say that the robot starts.
+pub(super) fn explain_start(planner: &Planner) -> NoPath {
+    let starts_avoiding = |avoided: &HashMap<NodeId, usize>| -> Vec<PlaceId> {
+        let sources = sources_avoiding(planner, avoided);
+        sources.iter().map(|source| source.place).collect()
+    };
+    let starts = starts_avoiding(&planner.avoided);
+    let mut why = explain_avoiding(planner, &starts, &starts_avoiding);
+    if starts.is_empty() {
+        why.gap = missed_entry(planner);
+        if why.blocked_by.is_empty() {
+            let missed = why.gap.as_ref().map(|gap| advice(planner, Some(gap)));
+            why.advice = missed.unwrap_or_else(|| no_entry(planner));
+        }
+    }
+    why
+}
+
+/// The same as [`explain`]; `starts_avoiding` tells which places there would be if other states were avoided.
+fn explain_avoiding(
+    planner: &Planner,
+    starts: &[PlaceId],
+    starts_avoiding: StartsAvoiding<'_>,
+) -> NoPath {
     let is_reached = reachable(planner, starts);
     let stage_of = |id: &PlaceId| planner.layout.place(*id).stage;
     let reached = planner.all_places().filter(|p| is_reached[p.index()]);
     let reachable_stage = reached.map(|p| stage_of(&p)).max().unwrap_or(0);
     let gap = best_edge(planner, &is_reached).or_else(|| nearest_latents(planner, &is_reached));
-    let blocked_by = blocking(planner, starts);
+    let blocked_by = blocking(planner, starts_avoiding);
     let advice = match blocked_by.as_slice() {
         [] => advice(planner, gap.as_ref()),
         names => format!(
@@ -134,9 +166,9 @@ pub(super) fn explain(planner: &Planner, starts: &[PlaceId]) -> NoPath {
     }
 }
 
-/// Why there is no way into the composition at all.
-pub(super) fn explain_no_entry(planner: &Planner) -> NoPath {
-    let advice = match &planner.terms.start {
+/// What there is to say of a start from which no edge leads into the composition.
+fn no_entry(planner: &Planner) -> String {
+    match &planner.terms.start {
         Start::After(task) => format!(
             "No edge leads from an end of task {task} into {}, where the robot is to start. A demonstration \
              from there would bridge it",
@@ -148,18 +180,42 @@ pub(super) fn explain_no_entry(planner: &Planner) -> NoPath {
         ),
         Start::Stage(stage) => format!("The graph has no state of stage {stage}"),
         Start::Beginning | Start::Anywhere => "The first task has no state to start at".to_owned(),
-    };
-    NoPath {
-        reachable_stage: 0,
-        cut_off: planner.layout.subgoals().to_vec(),
-        gap: None,
-        blocked_by: Vec::new(),
-        advice,
     }
 }
 
+/// Where the robot starts at the end of a task, the most probable edge from there to where a way leads on that
+/// may not be planned.
+fn missed_entry(planner: &Planner) -> Option<Gap> {
+    let Start::After(task) = &planner.terms.start else {
+        return None;
+    };
+    let mut best: Option<(f32, Gap)> = None;
+    for crossing in crossings(planner, task) {
+        let ends = [crossing.from, crossing.to];
+        let is_avoided = ends.iter().any(|n| planner.avoided.contains_key(n));
+        let rejection = match crossing.price {
+            Err(rejection) => rejection,
+            Ok(_) if is_avoided => Rejection::Avoided,
+            Ok(_) => continue,
+        };
+        let probability = crossing.edge.connected_probability();
+        let is_better = best.as_ref().is_none_or(|(p, _)| probability > *p);
+        if is_better && planner.costs.cost(crossing.place).is_some() {
+            let gap = Gap::Edge {
+                from: crossing.from,
+                to: crossing.to,
+                kind: crossing.edge.kind,
+                connected_probability: probability,
+                reason: reason(rejection).to_owned(),
+            };
+            best = Some((probability, gap));
+        }
+    }
+    best.map(|(_, gap)| gap)
+}
+
 /// The avoided regions that close the way from some places.
-fn blocking(planner: &Planner, starts: &[PlaceId]) -> Vec<String> {
+fn blocking(planner: &Planner, starts_avoiding: StartsAvoiding<'_>) -> Vec<String> {
     let regions = &planner.terms.avoid;
     let is_open_without = |left_out: &dyn Fn(usize) -> bool| {
         let mut avoided = planner.avoided.clone();
@@ -172,7 +228,8 @@ fn blocking(planner: &Planner, starts: &[PlaceId]) -> Vec<String> {
             &avoided,
         );
         let costs = CostToGo::new(&roads, &planner.finals);
-        starts.iter().any(|start| costs.cost(*start).is_some())
+        let mut starts = starts_avoiding(&avoided).into_iter();
+        starts.any(|start| costs.cost(start).is_some())
     };
     let named = regions.iter().enumerate();
     let alone: Vec<String> = named

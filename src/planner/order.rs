@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 use super::layout::{leads_on, stays_in_round};
 use super::roads::{Road, Roads, road_price};
@@ -38,7 +38,7 @@ pub fn settle_order(
     final_task: Option<&str>,
     (terms, options): (&Terms, &PlannerOptions),
 ) -> Result<Option<SettledOrder>, PlannerError> {
-    let product = Product::new(graph, automaton, tasks)?;
+    let product = Product::new(graph, automaton, tasks, &terms.strangers())?;
     let ways = product.ways(final_task, terms, options);
     let (roads, left_out) = product.roads_leaving_out_least(ways);
     let costs = CostToGo::new(&roads, &[product.goal()]);
@@ -89,7 +89,7 @@ struct Product<'a> {
     automaton: &'a OrderAutomaton,
     occurrences: Vec<Occurrence<'a>>,
     timelines: BTreeMap<&'a str, Timeline>,
-    /// For each node, its number among those of its task.
+    /// For each node that has places, its number among those of its task.
     ranks: Vec<u32>,
     places: u32,
 }
@@ -99,6 +99,7 @@ impl<'a> Product<'a> {
         graph: &'a TopologicalGraph,
         automaton: &'a OrderAutomaton,
         tasks: &'a [Task],
+        strangers: &HashSet<NodeId>,
     ) -> Result<Self, PlannerError> {
         let mut product = Self {
             graph,
@@ -123,7 +124,7 @@ impl<'a> Product<'a> {
             let timeline = product
                 .timelines
                 .entry(&task.name)
-                .or_insert_with(|| Timeline::new(graph, &task.name));
+                .or_insert_with(|| Timeline::without(graph, &task.name, strangers));
             for (rank, node) in timeline.time_steps.keys().enumerate() {
                 product.ranks[node.index()] = rank as u32;
             }
@@ -294,10 +295,12 @@ impl<'a> Product<'a> {
             }
             return;
         }
+        let progress = |node: NodeId| self.graph.node(node).progress;
+        let first = states.clone().map(progress).min();
         let is_start = |node: &NodeId| {
             let node = self.graph.node(*node);
             match terms.start {
-                Start::Anywhere => node.progress == 0,
+                Start::Anywhere => Some(node.progress) == first,
                 _ => node.step == 0,
             }
         };

@@ -18,10 +18,13 @@ pub(super) enum Outset {
 const START_STEPS: f64 = 4.0;
 
 impl Outset {
-    /// How probable a place is, relative to others, besides those that are named.
-    pub(super) fn mass(&self, place: &Place) -> f64 {
+    /// How probable a place is, relative to others, besides those that are named; `first_stage` is the one at which
+    /// the first task begins.
+    pub(super) fn mass(&self, place: &Place, first_stage: usize) -> f64 {
         match self {
-            Self::Beginning | Self::Places(_) if place.occurrence == 0 && place.stage == 0 => {
+            Self::Beginning | Self::Places(_)
+                if place.occurrence == 0 && place.stage == first_stage =>
+            {
                 (-f64::from(place.time_steps) / START_STEPS).exp()
             }
             Self::Anywhere if place.occurrence == 0 => 1.0,
@@ -39,10 +42,10 @@ impl Outset {
     }
 
     /// The stage at which the robot is taken to be.
-    pub(super) fn stage(&self) -> usize {
+    pub(super) fn stage(&self, first_stage: usize) -> usize {
         match self {
             Self::Stage(stage) => *stage,
-            _ => 0,
+            _ => first_stage,
         }
     }
 }

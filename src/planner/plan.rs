@@ -3,7 +3,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::audit::audit_after;
 use super::choice::open_final_places;
-use super::no_path::{explain, explain_no_entry};
+use super::no_path::{explain, explain_start};
 use super::outset::Outset;
 use super::roads::Roads;
 use super::source::{Source, sources};
@@ -209,12 +209,7 @@ impl Planner {
         if let Some(source) = self.cheapest_source() {
             return Ok(self.plan_by(&source));
         }
-        let sources = self.sources();
-        if sources.is_empty() {
-            return Err(explain_no_entry(self));
-        }
-        let places: Vec<PlaceId> = sources.iter().map(|s| s.place).collect();
-        Err(explain(self, &places))
+        Err(explain_start(self))
     }
 
     /// The plan that begins at a source.
@@ -296,7 +291,8 @@ impl Planner {
             Some((before, route)) if plan.begins_before => (Some(*before), route),
             _ => (None, plan.route.as_slice()),
         };
-        audit_after(&self.graph, &self.automaton, before, route)
+        let begun = plan.stages.get(plan.route.len() - route.len()).copied();
+        audit_after(&self.graph, &self.automaton, (before, begun), route)
     }
 
     /// A filter that says where in the composition the robot is, at the beginning where the

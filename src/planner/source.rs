@@ -1,7 +1,9 @@
-use super::roads::road_price;
+use std::collections::HashMap;
+
+use super::roads::{Rejection, road_price};
 use super::timeline::Timeline;
-use super::{PlaceId, Planner, Search, Start};
-use crate::graph::NodeId;
+use super::{PlaceId, Planner, Price, Search, Start};
+use crate::graph::{Edge, NodeId};
 
 /// A place at which a plan may begin, and what it takes to get there.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,8 +33,12 @@ impl Source {
 
 /// Where plans from the start may begin, by place.
 pub(super) fn sources(planner: &Planner) -> Vec<Source> {
+    sources_avoiding(planner, &planner.avoided)
+}
+
+/// The same where these states are to be avoided instead.
+pub(super) fn sources_avoiding(planner: &Planner, avoided: &HashMap<NodeId, usize>) -> Vec<Source> {
     let place = |id: PlaceId| planner.layout.place(id);
-    let is_flat = planner.layout.search() == Search::Unconstrained;
     let is_first = |id: PlaceId| place(id).occurrence == 0;
     let of = |keep: &dyn Fn(PlaceId) -> bool| -> Vec<Source> {
         let kept = planner.all_places().filter(|id| keep(*id));
@@ -40,7 +46,10 @@ pub(super) fn sources(planner: &Planner) -> Vec<Source> {
     };
     match &planner.terms.start {
         Start::Beginning => of(&|id| is_first(id) && planner.graph.node(place(id).node).step == 0),
-        Start::Anywhere => of(&|id| is_first(id) && place(id).stage == 0),
+        Start::Anywhere => {
+            let first_stage = planner.layout.first_stage();
+            of(&|id| is_first(id) && place(id).stage == first_stage)
+        }
         Start::Stage(stage) => {
             let begins = begun_by(planner, *stage);
             let begun = of(&|id| place(id).stage == *stage && begins(place(id).node));
@@ -50,7 +59,7 @@ pub(super) fn sources(planner: &Planner) -> Vec<Source> {
                 begun
             }
         }
-        Start::After(task) => entries(planner, task, is_flat),
+        Start::After(task) => entries(planner, task, avoided),
     }
 }
 
@@ -66,36 +75,67 @@ fn begun_by(planner: &Planner, stage: usize) -> impl Fn(NodeId) -> bool {
     }
 }
 
-/// The edges from the end states of a task into the first one of the composition.
-fn entries(planner: &Planner, task: &str, is_flat: bool) -> Vec<Source> {
+/// An edge from an end state of a task to a place where the composition may begin.
+pub(super) struct Crossing<'g> {
+    pub(super) from: NodeId,
+    pub(super) to: NodeId,
+    pub(super) place: PlaceId,
+    pub(super) edge: &'g Edge,
+    /// What it costs, or why it may not be planned; that one of its states is to be avoided does not count.
+    pub(super) price: Result<Price, Rejection>,
+}
+
+/// All such edges.
+pub(super) fn crossings<'g>(planner: &'g Planner, task: &str) -> Vec<Crossing<'g>> {
     let graph = &planner.graph;
     let timeline = Timeline::new(graph, task);
+    let is_flat = planner.layout.search() == Search::Unconstrained;
     let mut found = Vec::new();
-    for (end, _) in graph.nodes().filter(|(_, n)| n.task == task && n.is_end) {
-        for (to, edge) in graph.edges_from(end) {
-            let is_closed = planner.avoided.contains_key(&to)
-                || planner.avoided.contains_key(&end)
-                || planner.left_out.contains(&(end, to));
+    for (from, _) in graph.nodes().filter(|(_, n)| n.task == task && n.is_end) {
+        for (to, edge) in graph.edges_from(from) {
             let first = |id: &PlaceId| planner.layout.place(*id).occurrence == 0;
             let Some(place) = planner.layout.places_of(to).find(first) else {
                 continue;
             };
-            if is_closed || !(is_flat || planner.layout.may_enter(graph, 0, place)) {
+            if !(is_flat || planner.layout.may_enter(graph, 0, place)) {
                 continue;
             }
-            let rest = timeline.length_steps - timeline.time_steps[&end];
+            let rest = timeline.length_steps - timeline.time_steps[&from];
             let ahead = || rest + planner.layout.place(place).time_steps;
-            if let Ok(price) = road_price(&planner.options, edge, ahead) {
-                found.push(Source {
-                    place,
-                    before: Some(end),
-                    cost: price.cost,
-                    steps: price.steps,
-                    probability: f64::from(edge.connected_probability()),
-                });
-            }
+            let price = if planner.left_out.contains(&(from, to)) {
+                Err(Rejection::LeftOut)
+            } else {
+                road_price(&planner.options, edge, ahead)
+            };
+            found.push(Crossing {
+                from,
+                to,
+                place,
+                edge,
+                price,
+            });
         }
     }
+    found
+}
+
+/// The edges from the end states of a task into the first one of the composition.
+fn entries(planner: &Planner, task: &str, avoided: &HashMap<NodeId, usize>) -> Vec<Source> {
+    let open = crossings(planner, task).into_iter().filter(|crossing| {
+        !avoided.contains_key(&crossing.from) && !avoided.contains_key(&crossing.to)
+    });
+    let mut found: Vec<Source> = open
+        .filter_map(|crossing| {
+            let price = crossing.price.ok()?;
+            Some(Source {
+                place: crossing.place,
+                before: Some(crossing.from),
+                cost: price.cost,
+                steps: price.steps,
+                probability: f64::from(crossing.edge.connected_probability()),
+            })
+        })
+        .collect();
     found.sort_by_key(|source| (source.place, source.before));
     found
 }

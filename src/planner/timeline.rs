@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 use crate::graph::{NodeId, TopologicalGraph};
 
@@ -16,8 +16,19 @@ pub(super) struct Timeline {
 
 impl Timeline {
     pub(super) fn new(graph: &TopologicalGraph, task: &str) -> Self {
+        Self::without(graph, task, &HashSet::new())
+    }
+
+    /// The same without some states. How long a stretch of a demonstration takes that does not pass what is to be
+    /// passed says nothing of those that do.
+    pub(super) fn without(
+        graph: &TopologicalGraph,
+        task: &str,
+        unplaced: &HashSet<NodeId>,
+    ) -> Self {
         let mut demonstrations: BTreeMap<&str, Vec<NodeId>> = BTreeMap::new();
-        for (id, node) in graph.nodes().filter(|(_, n)| n.task == task) {
+        let of_task = graph.nodes().filter(|(_, n)| n.task == task);
+        for (id, node) in of_task.filter(|(id, _)| !unplaced.contains(id)) {
             demonstrations.entry(&node.trajectory).or_default().push(id);
         }
         // Start and number of states of the stretch with a given progress, by demonstration.

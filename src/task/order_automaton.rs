@@ -280,44 +280,6 @@ impl OrderAutomaton {
     pub fn orders_ending_with(&self, last: Option<&str>, count: usize) -> Vec<Vec<String>> {
         OrderWalk::new(self, last, count).orders()
     }
-
-    /// The transitions, as indices, of a way on which these tasks are done in this order, if there is one.
-    #[must_use]
-    pub fn way(&self, tasks: &[String]) -> Option<Vec<usize>> {
-        let mut dead = BTreeSet::new();
-        let mut way = Vec::new();
-        self.find_way(0, tasks, &mut dead, &mut way).then_some(way)
-    }
-
-    fn find_way(
-        &self,
-        state: usize,
-        tasks: &[String],
-        dead: &mut BTreeSet<(usize, usize)>,
-        way: &mut Vec<usize>,
-    ) -> bool {
-        if state == self.last_state() && tasks.is_empty() {
-            return true;
-        }
-        if dead.contains(&(state, tasks.len())) {
-            return false;
-        }
-        for (i, transition) in self.transitions.iter().enumerate() {
-            let rest = match &transition.task {
-                _ if transition.from != state => continue,
-                None => tasks,
-                Some(task) if tasks.first() == Some(task) => &tasks[1..],
-                Some(_) => continue,
-            };
-            way.push(i);
-            if self.find_way(transition.to, rest, dead, way) {
-                return true;
-            }
-            way.pop();
-        }
-        dead.insert((state, tasks.len()));
-        false
-    }
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ mod map;
 mod panels;
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 use ::rerun::{AsComponents, RecordingStream, RecordingStreamBuilder};
@@ -242,6 +243,14 @@ impl<'a> RolloutRecording<'a> {
             entity: entity.to_owned(),
             reason,
         }
+    }
+}
+
+impl fmt::Debug for RolloutRecording<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("RolloutRecording")
+            .field("path", &self.path)
+            .finish_non_exhaustive()
     }
 }
 

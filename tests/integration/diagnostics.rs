@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use catena::composer::{
     Calibration, Composition, Diagnostics, Rendering, Source, compose, compose_named,
-    compose_source, load_task,
+    compose_source, load_task, load_task_named,
 };
 use catena::planner::{PlannerOptions, Start};
 use catena::storage::load_graph;
@@ -155,6 +155,20 @@ fn a_missing_file_is_named() {
         compose(Path::new(CASES), Path::new(ROOT)).is_err(),
         "a folder is no file"
     );
+}
+
+#[test]
+fn a_task_is_found_by_its_name_as_by_its_path() {
+    let root = Path::new(ROOT);
+    let path = Path::new(ROOT).join("tasks/plate.yaml");
+    let by_path = load_task_named(&path.to_string_lossy(), root).expect("it is there");
+    let by_name = load_task_named("plate", root).expect("it is there");
+    assert_eq!(by_name.task, by_path.task);
+    let error = load_task_named("plat", root).expect_err("there is none");
+    let told = error.render(Rendering::Plain);
+    for part in ["there is no task 'plat'", "did you mean 'plate'?"] {
+        assert!(told.contains(part), "{told}");
+    }
 }
 
 #[test]

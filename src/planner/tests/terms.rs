@@ -9,10 +9,10 @@ use super::corridor::{automaton, learned, merged, node_at, seen_from, tasks};
 use super::worlds::{free_options, random_world, somewhere};
 use crate::graph::{EdgeKind, NodeId, TopologicalGraph, mark_subgoal, states_in};
 use crate::planner::{
-    AvoidedRegion, EdgeChoice, Explanation, FilterOptions, FinalChoice, Planner, PlannerError,
-    PlannerOptions, Search, Start, Terms,
+    AvoidedRegion, EdgeChoice, Explanation, FilterOptions, FinalChoice, Gap, Planner, PlannerError,
+    PlannerOptions, Search, Start, Terms, settle_order,
 };
-use crate::task::{Automaton, Order, OrderAutomaton, Region, Subgoal};
+use crate::task::{Automaton, Order, OrderAutomaton, Region, Subgoal, Task};
 
 fn options() -> PlannerOptions {
     PlannerOptions {
@@ -212,6 +212,79 @@ fn what_is_passed_is_a_subgoal_between_the_others() {
 }
 
 #[test]
+fn a_region_that_is_passed_at_once_leaves_the_robot_at_its_start() {
+    let mut graph = merged();
+    let [mut a, b] = tasks();
+    let door = Subgoal {
+        task: "a".to_owned(),
+        name: "door".to_owned(),
+    };
+    let region = Region::of("a").demonstration("a1").steps(0..=2);
+    let states = states_in(&graph, &region, &a.subgoals).expect("they are there");
+    let unplaced = mark_subgoal(&mut graph, &door, 0, &states);
+    a.subgoals.insert(0, door);
+    let both = [a, b];
+    let automaton = Automaton::in_order(&both);
+    let graph = Arc::new(graph);
+    for start in [Start::Beginning, Start::Anywhere] {
+        let terms = Terms {
+            unplaced: unplaced.clone(),
+            ..starting(start)
+        };
+        let names = both.each_ref().map(|t| Order::Task(t.name.clone()));
+        let orders = OrderAutomaton::new(&Order::InOrder(names.to_vec())).expect("it is small");
+        let settled = settle_order(&graph, &orders, &both, None, (&terms, &options()));
+        let planner = Planner::new(graph.clone(), &automaton, terms, options());
+        let planner = planner.expect("both tasks are there");
+        let plan = planner.plan_from_start().expect("the corridor is open");
+        assert_eq!(plan.stages[0], 1);
+        let settled = settled.expect("both tasks are there").map(|s| s.cost);
+        assert!(settled.is_some_and(|cost| (cost - plan.cost).abs() < 1e-6));
+    }
+    let terms = Terms {
+        unplaced,
+        ..Terms::default()
+    };
+    let planner = Planner::new(graph.clone(), &automaton, terms, options());
+    let planner = planner.expect("both tasks are there");
+    let filter = planner.stage_filter(FilterOptions::default());
+    assert_eq!(filter.stage(), 1);
+    let places = planner.layout().places_of(node_at(&graph, "a1", 0));
+    let begun: f64 = places.map(|place| filter.probability(place)).sum();
+    assert!(begun > 0.1, "{begun}");
+}
+
+#[test]
+fn a_region_at_the_start_of_a_task_is_no_leap_from_the_task_before() {
+    let mut graph = merged();
+    let [a, mut b] = tasks();
+    let door = Subgoal {
+        task: "b".to_owned(),
+        name: "door".to_owned(),
+    };
+    let region = Region::of("b").demonstration("b1").steps(0..=2);
+    let states = states_in(&graph, &region, &b.subgoals).expect("they are there");
+    let terms = Terms {
+        unplaced: mark_subgoal(&mut graph, &door, 0, &states),
+        ..Terms::default()
+    };
+    b.subgoals.insert(0, door);
+    let both = [a, b];
+    let automaton = Automaton::in_order(&both);
+    let names = both.each_ref().map(|t| Order::Task(t.name.clone()));
+    let orders = OrderAutomaton::new(&Order::InOrder(names.to_vec())).expect("it is small");
+    let settled = settle_order(&graph, &orders, &both, None, (&terms, &options()));
+    let settled = settled.expect("both tasks are there").expect("a way");
+    let planner = Planner::new(Arc::new(graph), &automaton, terms, options());
+    let planner = planner.expect("both tasks are there");
+    let plan = planner
+        .plan_from_start()
+        .expect("the seam leads to where b1 begins");
+    assert!(plan.route.contains(&node_at(planner.graph(), "b1", 0)));
+    assert!((plan.cost - settled.cost).abs() < 1e-6);
+}
+
+#[test]
 fn a_robot_that_may_start_anywhere_is_taken_to_be_where_it_sees_that_it_is() {
     let planner = corridor_planner(starting(Start::Anywhere));
     let mut filter = planner.stage_filter(FilterOptions::default());
@@ -301,6 +374,53 @@ fn the_end_of_a_task_before_the_plan_counts_for_nothing_though_the_task_is_done_
         plan.route.truncate(2);
         assert_eq!(planner.audit(&plan).missed, automaton.subgoals());
     }
+}
+
+#[test]
+fn what_keeps_a_plan_from_beginning_at_the_end_of_a_task_is_said() {
+    let [a, b] = tasks();
+    let told = |graph: TopologicalGraph, task: &Task, terms: Terms| {
+        let automaton = Automaton::in_order(std::slice::from_ref(task));
+        let planner = Planner::new(Arc::new(graph), &automaton, terms, options());
+        planner
+            .expect("both tasks are there")
+            .plan_from_start()
+            .unwrap_err()
+    };
+    // All edges from the ends of `a` lead to the first five states of `b`.
+    let graph = merged();
+    let region = Region::of("b").steps(0..=5);
+    let states = states_in(&graph, &region, &[]).expect("they are there");
+    let terms = Terms {
+        start: Start::After("a".to_owned()),
+        ..avoiding(&states)
+    };
+    let why = told(graph, &b, terms);
+    assert_eq!(why.blocked_by, ["the puddle"]);
+    assert!(why.to_string().contains("avoided: the puddle"), "{why}");
+    // No edge leads back, and then one that leads too far.
+    let back = || starting(Start::After("b".to_owned()));
+    let why = told(merged(), &a, back());
+    assert!(why.gap.is_none() && why.advice.starts_with("No edge"));
+    let mut graph = merged();
+    let [end, far] = [("b0", 19), ("a0", 8)].map(|(id, step)| node_at(&graph, id, step));
+    graph.add_edge(end, far, learned(EdgeKind::CrossTask, 1, 0.9));
+    let why = told(graph, &a, back());
+    assert_eq!(why.gap.as_ref().map(Gap::ends), Some((end, far)));
+    assert!(why.advice.contains("forward_leap_steps"), "{why}");
+}
+
+#[test]
+fn a_plan_that_begins_in_a_second_round_is_judged_by_that_round() {
+    let [a, _] = tasks();
+    let automaton = Automaton::in_order(&[a.clone(), a]);
+    let terms = starting(Start::Stage(3));
+    let planner = Planner::new(around(), &automaton, terms, options()).expect("a is there");
+    let plan = planner.plan_from_start().expect("the corridor is open");
+    assert_eq!((plan.stages[0], plan.stages.last()), (3, Some(&4)));
+    let audit = planner.audit(&plan);
+    assert!(audit.is_clean(), "{audit:?}");
+    assert_eq!(audit.reached, automaton.subgoals());
 }
 
 #[test]

@@ -143,7 +143,12 @@ fn stages(
         .iter()
         .filter(|p| p.subgoal.is_some())
         .count();
-    let first = explanation.stages.len() - to_subgoals;
+    // A plan that is not searched in order has no parts to subgoals; it begins where none is reached.
+    let first = if to_subgoals == 0 {
+        0
+    } else {
+        explanation.stages.len() - to_subgoals
+    };
     for (i, part) in explanation.parts.iter().enumerate() {
         let line = top + 70.0 + (i / STAGES_A_LINE) as f32 * LINE;
         let x = LEFT + (i % STAGES_A_LINE) as f32 * width;
@@ -301,6 +306,17 @@ mod tests {
             assert!(drawn.contains(text), "{text} is missing");
         }
         assert_eq!(drawn.matches("<polygon").count(), 1, "one star at the end");
+    }
+
+    #[test]
+    fn a_plan_without_parts_begins_at_the_first_stage() {
+        let order = Order::InOrder(vec![task("sock"), task("trash")]);
+        let orders = OrderAutomaton::new(&order).expect("it is small");
+        let mut plan = explained(&["sock", "trash"]);
+        plan.parts.truncate(1);
+        plan.parts[0].subgoal = None;
+        let drawn = automaton_svg(&orders, &plan, "both");
+        assert!(drawn.contains(">0</text>") && !drawn.contains(">2</text>"));
     }
 
     #[test]
