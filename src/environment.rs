@@ -27,7 +27,9 @@ pub enum EnvironmentError {
 ///
 /// Only images and actions cross this line: whatever else a simulator knows stays behind it.
 pub trait Environment {
-    /// The cameras of every observation.
+    /// The cameras of every observation. A closed loop wants those of its model
+    /// ([`ModelSpec::cameras`](crate::model::ModelSpec::cameras)), in their sizes; others may be there, too.
+    /// [`Observation::fitted`] brings pictures to these sizes as recordings are.
     fn cameras(&self) -> Vec<CameraSpec>;
 
     /// The actions that [`step`](Self::step) takes.
@@ -40,7 +42,8 @@ pub trait Environment {
     /// [`EnvironmentError::Failed`] when the robot cannot be brought to a start.
     fn reset(&mut self, seed: u64) -> Result<Observation, EnvironmentError>;
 
-    /// Acts for one time step and returns what is seen afterwards.
+    /// Acts for one time step and returns what is seen afterwards. An action `terminate`
+    /// ([`ActionSpace::terminate`]) is one in which nothing moves: whoever runs the loop says when an episode ends.
     ///
     /// # Errors
     /// [`EnvironmentError`] when the action does not fit or the robot fails.

@@ -6,7 +6,65 @@
 //! Vision-Based Topological Planning*; `ARCHITECTURE.md` says how the rooms of this crate depend on
 //! each other.
 //!
-//! Start with [`composer::compose`], [`planner::Planner`] and [`rollout::Rollout`].
+//! A composition of tasks, planned on the graphs of its tasks and run closed-loop. Your own robot is another
+//! [`environment::Environment`], networks of your own are other implementations of the traits in [`model`].
+//!
+//! ```no_run
+//! use std::path::Path;
+//! use std::sync::Arc;
+//!
+//! use catena::composer::compose;
+//! use catena::graph::{MergeOptions, merge};
+//! use catena::inference::{EngineChoice, Model};
+//! use catena::planner::Planner;
+//! use catena::rollout::{Rollout, RolloutModel, RolloutOptions};
+//! use catena::simulator::{Bedroom, BedroomConfig, BedroomTask};
+//! use catena::storage::load_graph;
+//!
+//! let root = Path::new(".");
+//! let composition = compose(&root.join("tasks/sequences/sock_then_trash.yaml"), root)?;
+//! let model = Model::load(&composition.model, EngineChoice::Auto)?;
+//!
+//! // One graph a task, joined where the model sees a way from one task to the next.
+//! let mut graphs = Vec::new();
+//! for task in composition.all_tasks() {
+//!     graphs.push(load_graph(&task.graph)?.0);
+//! }
+//! let merged = merge(
+//!     &graphs.iter().collect::<Vec<_>>(),
+//!     &composition.follows().into_iter().collect::<Vec<_>>(),
+//!     &model,
+//!     &MergeOptions::default(),
+//!     &|_| {},
+//! )?;
+//! let planner = Planner::new(
+//!     Arc::new(merged.graph),
+//!     &composition.automaton,
+//!     composition.terms(),
+//!     composition.planner.clone(),
+//! )?;
+//! println!("{}", planner.audit(&planner.plan_from_start()?));
+//!
+//! let parts = RolloutModel {
+//!     encoder: &model,
+//!     traversability: &model,
+//!     policy: &model,
+//!     landmarks: model.landmarks(),
+//! };
+//! let options = RolloutOptions {
+//!     max_steps: composition.limits.steps as usize,
+//!     on_shortcut: composition.on_shortcut,
+//!     ..RolloutOptions::default()
+//! };
+//! let mut room = Bedroom::new(BedroomConfig::paper(BedroomTask::Sock));
+//! let episode = Rollout::new(parts, planner, options)?.run(&mut room, 111, &mut ())?;
+//! println!("{:?} after {} steps", episode.end, episode.steps);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Start with [`composer::compose`], [`planner::Planner`] and [`rollout::Rollout`]; [`rollout::Monitor`] says of a robot
+//! that somebody else drives which subgoals it reached and skipped, [`rollout::Controller`] is the loop for programs
+//! that hold the robot themselves, [`storage::Recordings`] reads recordings, [`view`] draws.
 
 pub mod cli;
 pub mod composer;

@@ -81,7 +81,11 @@ impl Default for BuildOptions {
 /// graph on any number of threads. It is [`build_states`] and [`score_pairs`] with all edges in memory.
 ///
 /// # Errors
-/// Those of [`build_states`], and [`GraphError::Model`] when the traversability function gives no answer.
+/// Those of [`build_states`], and [`GraphError::Model`] when the traversability function gives no answer, or not a
+/// row for each pair.
+///
+/// # Panics
+/// As [`build_states`].
 pub fn build(
     demonstrations: &DemonstrationSet,
     subgoal_steps: &[Vec<(Subgoal, usize)>],
@@ -112,10 +116,14 @@ pub fn build(
 /// The states of one task's demonstrations as nodes, and temporal edges between them.
 ///
 /// # Errors
-/// [`GraphError::Model`] when the encoder gives no answer, [`GraphError::DMaxDiffers`] when it is of
-/// another model than a traversability function with `d_max` classes, [`GraphError::SubgoalLists`] and
-/// [`GraphError::SubgoalOutOfRange`] when `subgoal_steps` does not fit the demonstrations,
-/// [`GraphError::LatentNotFinite`] when a latent holds NaN or infinity.
+/// [`GraphError::Model`] when the encoder gives no answer, or not a latent of its own length for each state,
+/// [`GraphError::DMaxDiffers`] when it is of another model than a traversability function with `d_max` classes,
+/// [`GraphError::SubgoalLists`] and [`GraphError::SubgoalOutOfRange`] when `subgoal_steps` does not fit the
+/// demonstrations, [`GraphError::LatentNotFinite`] when a latent holds NaN or infinity.
+///
+/// # Panics
+/// If `d_max` is below 2 (there is no class for "connected"), or the encoder's states have no frame
+/// ([`ModelSpec::stack`](crate::model::ModelSpec::stack) is 0).
 pub fn build_states(
     demonstrations: &DemonstrationSet,
     subgoal_steps: &[Vec<(Subgoal, usize)>],
@@ -196,6 +204,7 @@ fn add_trajectory(
     for batch in steps.chunks(encode_batch.max(1)) {
         let states: Vec<_> = batch.iter().map(|s| trajectory.state(*s, stack)).collect();
         let latents = encoder.encode(&states)?;
+        latents.ensure_of(states.len(), graph.latents().dim())?;
         for (row, &step) in batch.iter().enumerate() {
             let node = node_at(task, trajectory, subgoals, step);
             let latent = latents.row(row);

@@ -9,7 +9,7 @@ use crate::model::{
 };
 use crate::task::{Subgoal, Task};
 use crate::trajectory::{
-    Action, ActionSpace, DemonstrationSet, Image, Observation, State, Step, Trajectory,
+    Action, ActionSpace, CameraSpec, DemonstrationSet, Image, Observation, State, Step, Trajectory,
 };
 
 /// Steps from the first point to the second, or `None` when there is no way.
@@ -77,7 +77,11 @@ pub(crate) struct PixelEncoder(ModelSpec);
 impl PixelEncoder {
     pub(crate) fn new(d_max: usize) -> Self {
         Self(ModelSpec {
-            cameras: Vec::new(),
+            cameras: vec![CameraSpec {
+                name: "eye".to_owned(),
+                height: 1,
+                width: 1,
+            }],
             stack: 2,
             action_space: space(),
             d_max,

@@ -43,7 +43,10 @@ struct Lists {
 }
 
 impl ConnectionIndex {
-    /// Sorts a table.
+    /// Sorts a table of finite values.
+    ///
+    /// # Panics
+    /// If a table of more than 16,384 rows holds values that are not finite: no centres are found then.
     #[must_use]
     pub fn new(rows: Latents) -> Self {
         if rows.len() <= SMALL_TABLE {

@@ -29,6 +29,9 @@ impl Default for LearnedEdges {
 
 impl LearnedEdges {
     /// Whether a pair with these class probabilities becomes an edge.
+    ///
+    /// # Panics
+    /// If there is no class.
     #[must_use]
     pub fn accepts(&self, probabilities: &[f32]) -> bool {
         let far = probabilities.len() - 1;

@@ -94,12 +94,18 @@ impl ConnectionEmbedding {
     }
 
     /// Embeds states as those that are left: projected rows [`Projections::from`].
+    ///
+    /// # Panics
+    /// If the rows have another length than those that it was learnt from.
     #[must_use]
     pub fn embed_from(&self, rows: &Latents) -> Latents {
         self.from.embed(rows)
     }
 
     /// Embeds states as those that are to be reached: projected rows [`Projections::to`].
+    ///
+    /// # Panics
+    /// If the rows have another length than those that it was learnt from.
     #[must_use]
     pub fn embed_to(&self, rows: &Latents) -> Latents {
         self.to.embed(rows)

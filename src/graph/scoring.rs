@@ -115,6 +115,7 @@ impl Scorer<'_> {
             let predicted =
                 self.traversability
                     .predict(self.projections, self.projections, block)?;
+            predicted.ensure_of(block.len(), self.traversability.d_max())?;
             for (&(from, to), probabilities) in block.iter().zip(predicted.rows()) {
                 self.sort_in(
                     (NodeId(from), NodeId(to)),

@@ -7,7 +7,9 @@ use super::fakes::{
     BrokenEncoder, Oracle, PixelEncoder, add_demonstration, demonstrations, subgoal, task,
 };
 use super::*;
+use crate::model::{Encoder, Latents, ModelError, ModelSpec};
 use crate::task::Subgoal;
+use crate::trajectory::State;
 
 mod merging;
 
@@ -228,6 +230,45 @@ fn a_state_whose_latent_is_no_number_is_refused_with_its_place() {
     let error = built.unwrap_err().to_string();
     for part in ["'a'", "'a_1'", "step 2", "NaN", "train or export it again"] {
         assert!(error.contains(part), "{error}");
+    }
+}
+
+/// Gives so many rows of so many values, whatever it says of itself and is asked.
+struct CarelessEncoder {
+    says: PixelEncoder,
+    rows: usize,
+    values: usize,
+}
+
+impl Encoder for CarelessEncoder {
+    fn spec(&self) -> &ModelSpec {
+        self.says.spec()
+    }
+
+    fn encode(&self, _: &[State]) -> Result<Latents, ModelError> {
+        let zeros = vec![0.0; self.rows * self.values];
+        Ok(Latents::from_values(self.values, zeros))
+    }
+}
+
+#[test]
+fn an_encoder_that_does_not_give_what_it_says_is_refused() {
+    let set = demonstrations("a", &[line(0, 0, 4)]);
+    let oracle = Oracle::new(D_MAX, forward);
+    for (rows, values, said) in [
+        (4, 2, "have 2 values, the model expects 3"),
+        (3, 3, "have 9 values, the model expects 12"),
+        (5, 3, "have 15 values, the model expects 12"),
+    ] {
+        let encoder = CarelessEncoder {
+            says: PixelEncoder::new(D_MAX),
+            rows,
+            values,
+        };
+        let options = BuildOptions::default();
+        let built = build(&set, &[vec![]], &encoder, &oracle, &options, &silent);
+        let error = built.unwrap_err().to_string();
+        assert!(error.contains(said), "{error}");
     }
 }
 

@@ -30,8 +30,9 @@ impl Baseline {
     /// # Errors
     /// [`InferenceError::FileUnreadable`] for a missing file, [`InferenceError::ManifestRefused`] when
     /// the manifest is a model's or of another version, or a file differs from it,
-    /// [`InferenceError::SpecImpossible`] and [`InferenceError::NetworkMisfit`] when a network is not what the
-    /// manifest says, and the errors of [`Engine::select`].
+    /// [`InferenceError::SpecImpossible`] when the manifest says what no baseline has,
+    /// [`InferenceError::EngineFailed`] when the engine refuses a network, [`InferenceError::NetworkMisfit`] when
+    /// one is not what the manifest says, and the errors of [`Engine::select`].
     pub fn load(folder: &Path, choice: EngineChoice) -> Result<Self, InferenceError> {
         let refused = |source: ManifestError| InferenceError::ManifestRefused {
             folder: folder.to_path_buf(),

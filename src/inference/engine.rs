@@ -28,11 +28,12 @@ pub enum EngineChoice {
 impl FromStr for EngineChoice {
     type Err = InferenceError;
 
+    /// `auto`, `native`, and `tract` or, as the command line has it, `embedded`.
     fn from_str(name: &str) -> Result<Self, Self::Err> {
         match name {
             "auto" => Ok(Self::Auto),
             "native" => Ok(Self::Native),
-            "tract" => Ok(Self::Tract),
+            "tract" | "embedded" => Ok(Self::Tract),
             _ => Err(InferenceError::EngineUnknown {
                 name: name.to_owned(),
             }),
@@ -80,7 +81,8 @@ impl Engine {
     /// # Errors
     /// [`InferenceError::LibraryUnusable`] when `ORT_DYLIB_PATH` names something unusable,
     /// [`InferenceError::NativeMissing`] when the native engine is asked for and not found,
-    /// [`InferenceError::EngineAlreadyChosen`] when the other engine runs already.
+    /// [`InferenceError::EngineAlreadyChosen`] when the other engine runs already,
+    /// [`InferenceError::EngineFailed`] when the engine does not start.
     pub fn select(choice: EngineChoice) -> Result<&'static Self, InferenceError> {
         let mut chosen = ENGINE.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(engine) = *chosen {
@@ -283,10 +285,10 @@ mod tests {
 
     #[test]
     fn engines_go_by_their_names() {
-        assert_eq!(
-            "tract".parse::<EngineChoice>().ok(),
-            Some(EngineChoice::Tract)
-        );
+        for name in ["tract", "embedded"] {
+            let choice = name.parse::<EngineChoice>().ok();
+            assert_eq!(choice, Some(EngineChoice::Tract), "{name}");
+        }
         assert!("tracts".parse::<EngineChoice>().is_err());
     }
 }

@@ -59,7 +59,7 @@ pub enum InferenceError {
         wanted: String,
     },
     /// An engine of that name does not exist.
-    #[error("no engine '{name}'; there are: auto, native, tract")]
+    #[error("no engine '{name}'; there are: auto, native, tract (or embedded)")]
     EngineUnknown {
         /// The name that was given.
         name: String,

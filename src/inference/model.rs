@@ -26,7 +26,9 @@ impl Model {
     /// # Errors
     /// [`InferenceError::FileUnreadable`] for a missing file, [`InferenceError::ManifestRefused`] when
     /// the manifest is of another version or a file differs from it,
-    /// [`InferenceError::NetworkMisfit`] when a network is not what the manifest says, and the errors
+    /// [`InferenceError::SpecImpossible`] when the manifest says what no model has,
+    /// [`InferenceError::EngineFailed`] when the engine refuses a network,
+    /// [`InferenceError::NetworkMisfit`] when one is not what the manifest says, and the errors
     /// of [`Engine::select`].
     pub fn load(folder: &Path, choice: EngineChoice) -> Result<Self, InferenceError> {
         let refused = |source: ManifestError| InferenceError::ManifestRefused {

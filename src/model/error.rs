@@ -48,3 +48,20 @@ pub enum ModelError {
         reason: String,
     },
 }
+
+impl ModelError {
+    /// Refuses more or fewer values than there should be.
+    ///
+    /// # Errors
+    /// [`ModelError::Length`] with both numbers.
+    pub(super) fn unless_as_many(what: &str, expected: usize, found: usize) -> Result<(), Self> {
+        if expected == found {
+            return Ok(());
+        }
+        Err(Self::Length {
+            what: what.to_owned(),
+            expected,
+            found,
+        })
+    }
+}

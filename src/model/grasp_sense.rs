@@ -44,6 +44,10 @@ pub struct GraspSight {
 
 impl GraspSense {
     /// What a camera shows of the gripper; none where the camera is not there.
+    ///
+    /// # Panics
+    /// If there are fewer than two classes of weights ([`misfit`](Self::misfit) tells before), or the camera's
+    /// picture has no pixel.
     #[must_use]
     pub fn look(&self, observation: &Observation) -> Option<GraspSight> {
         let image = observation.image(&self.camera).ok()?;

@@ -165,6 +165,9 @@ impl LandmarkBook {
     }
 
     /// Whether the gripper is closed at a state of a demonstration, missed grasps left out.
+    ///
+    /// # Panics
+    /// If an event is of a landmark that is not there; [`misfit`](Self::misfit) tells before.
     #[must_use]
     pub fn is_closed(&self, task: &str, trajectory: &str, step: u32) -> bool {
         let events = self.events_of(task, trajectory).iter();
@@ -191,6 +194,13 @@ impl LandmarkBook {
                 view.first
             ));
         }
+        self.misfit_of_grasps(cameras)
+    }
+
+    /// What makes the part of it that tells of the gripper impossible: its events, and its sense of grasps.
+    #[must_use]
+    pub(crate) fn misfit_of_grasps(&self, cameras: &[CameraSpec]) -> Option<String> {
+        let count = self.landmarks.len();
         let numbers = self
             .events
             .values()

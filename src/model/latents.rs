@@ -1,3 +1,5 @@
+use super::ModelError;
+
 /// A table of vectors of one length, a row a state.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Latents {
@@ -18,7 +20,7 @@ impl Latents {
     /// A table over values that lie row after row.
     ///
     /// # Panics
-    /// If `values` is not a whole number of rows.
+    /// If `values` is not a whole number of rows, or `dim` is 0.
     #[must_use]
     pub fn from_values(dim: usize, values: Vec<f32>) -> Self {
         assert!(
@@ -60,6 +62,16 @@ impl Latents {
     #[must_use]
     pub fn values(&self) -> &[f32] {
         &self.values
+    }
+
+    /// Refuses what an encoder gave if it is not a row of `latent_dim` values for each of so many states.
+    ///
+    /// # Errors
+    /// [`ModelError::Length`] with both numbers.
+    pub(crate) fn ensure_of(&self, states: usize, latent_dim: usize) -> Result<(), ModelError> {
+        ModelError::unless_as_many("the encoder's latents", latent_dim, self.dim)?;
+        let expected = states * latent_dim;
+        ModelError::unless_as_many("the encoder's latents in all", expected, self.values.len())
     }
 
     /// Adds a row.

@@ -45,7 +45,7 @@ impl ActionDistribution {
         Self { heads }
     }
 
-    /// The weighted mean of distributions over the same heads; weights need not sum to 1.
+    /// The weighted mean of distributions over the same heads; weights need not sum to 1, but to more than 0.
     ///
     /// # Panics
     /// If there is none, or their heads differ.
@@ -74,6 +74,30 @@ impl ActionDistribution {
         Self { heads }
     }
 
+    /// Refuses what a policy gave if it is not a finite number for each class of each head.
+    ///
+    /// # Errors
+    /// [`ModelError::Length`] and [`ModelError::NotFinite`].
+    pub(crate) fn ensure_of(&self, head_sizes: &[usize]) -> Result<(), ModelError> {
+        let found: Vec<usize> = self.heads.iter().map(Vec::len).collect();
+        if found != head_sizes {
+            return Err(ModelError::Length {
+                what: format!("heads of {found:?} classes, which should be {head_sizes:?},"),
+                expected: head_sizes.iter().sum(),
+                found: found.iter().sum(),
+            });
+        }
+        let mut all = self.heads.iter().flatten().enumerate();
+        match all.find(|(_, p)| !p.is_finite()) {
+            None => Ok(()),
+            Some((place, p)) => Err(ModelError::NotFinite {
+                what: "the local policy's probabilities".to_owned(),
+                place,
+                value: p.to_string(),
+            }),
+        }
+    }
+
     /// Shannon entropy in nats, summed over the heads; 0 for a policy that is certain.
     #[must_use]
     pub fn entropy(&self) -> f32 {
@@ -90,7 +114,8 @@ impl ActionDistribution {
 /// (Fu & Finn, section III-E).
 pub trait LocalPolicy {
     /// The action probabilities on the way from the state with latent `from` to the one with latent
-    /// `goal`.
+    /// `goal`: for each head of the action space a probability for each of its classes. The closed loop refuses
+    /// any other number of them, and what is not finite.
     ///
     /// # Errors
     /// [`ModelError::Length`] for latents of another length, [`ModelError::Engine`] when the network
@@ -110,5 +135,26 @@ mod tests {
         assert_eq!(of(&[0.5, 0.25, 0.25]).without(0), of(&[0.0, 0.5, 0.5]));
         assert_eq!(of(&[0.0, 1.0]).without(1), of(&[0.0, 1.0]));
         assert_eq!(of(&[0.4, 0.6]).without(2).most_probable(), [1]);
+    }
+
+    #[test]
+    fn what_is_no_distribution_over_the_actions_is_refused() {
+        let given = |heads: &[&[f32]], head_sizes: &[usize]| {
+            let heads = heads.iter().map(|head| head.to_vec()).collect();
+            let refused = ActionDistribution { heads }.ensure_of(head_sizes).err();
+            refused.map_or_else(String::new, |error| error.to_string())
+        };
+        assert_eq!(given(&[&[0.5, 0.5], &[1.0]], &[2, 1]), "");
+        let error = given(&[&[0.5, 0.5]], &[3]);
+        assert!(
+            error.contains("heads of [2] classes, which should be [3]"),
+            "{error}"
+        );
+        assert!(given(&[&[0.5, 0.5]], &[1, 1]).contains("[1, 1]"));
+        let error = given(&[&[1.0], &[0.5, f32::NAN]], &[1, 2]);
+        assert!(
+            error.contains("value 2 of the local policy's probabilities is NaN"),
+            "{error}"
+        );
     }
 }

@@ -2,7 +2,7 @@
 /// for logits `l` that need not be known. The order of the classes stays; an exponent above 1 makes them surer,
 /// below 1 less sure.
 ///
-/// A temperature `t` is undone by the exponent `t`. NaN stays NaN.
+/// A temperature `t` is undone by the exponent `t`. NaN stays NaN, and a row of zeros becomes NaN.
 ///
 /// ```
 /// use catena::model::temper;

@@ -43,7 +43,7 @@ impl StepDistributions {
     /// Wraps probabilities that lie row after row.
     ///
     /// # Panics
-    /// If they are not a whole number of rows of `d_max`.
+    /// If they are not a whole number of rows of `d_max`, or `d_max` is 0.
     #[must_use]
     pub fn new(d_max: usize, probabilities: Vec<f32>) -> Self {
         assert!(d_max > 0 && probabilities.len().is_multiple_of(d_max));
@@ -51,6 +51,22 @@ impl StepDistributions {
             d_max,
             probabilities,
         }
+    }
+
+    /// Refuses an answer that is not a row of `d_max` values for each of so many pairs.
+    ///
+    /// # Errors
+    /// [`ModelError::Length`] with both numbers.
+    pub(crate) fn ensure_of(&self, pairs: usize, d_max: usize) -> Result<(), ModelError> {
+        ModelError::unless_as_many("the class probabilities of a pair", d_max, self.d_max)?;
+        let (expected, found) = (pairs * d_max, self.probabilities.len());
+        ModelError::unless_as_many("the class probabilities of all pairs", expected, found)
+    }
+
+    /// Number of classes: values in a row.
+    #[must_use]
+    pub fn d_max(&self) -> usize {
+        self.d_max
     }
 
     /// Number of pairs.
@@ -66,6 +82,9 @@ impl StepDistributions {
     }
 
     /// The probabilities of one pair.
+    ///
+    /// # Panics
+    /// If `pair` is not below [`len`](Self::len).
     #[must_use]
     pub fn row(&self, pair: usize) -> &[f32] {
         &self.probabilities[pair * self.d_max..(pair + 1) * self.d_max]
@@ -96,7 +115,8 @@ pub trait Traversability {
     /// cannot be run.
     fn project(&self, latents: &Latents) -> Result<Projections, ModelError>;
 
-    /// Class probabilities for pairs `(row of from, row of to)`, in the order of the pairs.
+    /// Class probabilities for pairs `(row of from, row of to)`, a row of [`d_max`](Self::d_max) values a pair, in
+    /// the order of the pairs. Whoever asks refuses any other number of them.
     ///
     /// # Errors
     /// [`ModelError`] as for [`project`](Self::project).
@@ -115,7 +135,8 @@ pub trait Traversability {
 /// depend on the number of threads.
 ///
 /// # Errors
-/// [`ModelError`] as for [`Traversability::predict`].
+/// [`ModelError`] as for [`Traversability::predict`], and [`ModelError::Length`] for an answer that is not a row of
+/// [`d_max`](Traversability::d_max) values for each pair.
 ///
 /// # Panics
 /// If a pair names a row that is not there.
@@ -125,12 +146,66 @@ pub fn predict_in_blocks(
     to: &Projections,
     pairs: &[(u32, u32)],
 ) -> Result<StepDistributions, ModelError> {
+    let d_max = traversability.d_max();
     let blocks: Vec<Vec<f32>> = pairs
         .par_chunks(BLOCK_PAIRS)
-        .map(|block| Ok(traversability.predict(from, to, block)?.probabilities))
+        .map(|block| {
+            let predicted = traversability.predict(from, to, block)?;
+            predicted.ensure_of(block.len(), d_max)?;
+            Ok(predicted.probabilities)
+        })
         .collect::<Result<_, ModelError>>()?;
-    Ok(StepDistributions::new(
-        traversability.d_max(),
-        blocks.concat(),
-    ))
+    Ok(StepDistributions::new(d_max, blocks.concat()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Has three classes, and answers with so many values for all pairs together, in rows of so many.
+    struct Careless {
+        row: usize,
+        values: usize,
+    }
+
+    impl Traversability for Careless {
+        fn d_max(&self) -> usize {
+            3
+        }
+
+        fn project(&self, latents: &Latents) -> Result<Projections, ModelError> {
+            Ok(Projections {
+                from: latents.clone(),
+                to: latents.clone(),
+            })
+        }
+
+        fn predict(
+            &self,
+            _: &Projections,
+            _: &Projections,
+            _: &[(u32, u32)],
+        ) -> Result<StepDistributions, ModelError> {
+            Ok(StepDistributions::new(self.row, vec![0.5; self.values]))
+        }
+    }
+
+    #[test]
+    fn an_answer_that_is_not_a_row_a_pair_is_refused() {
+        let nothing = Projections::default();
+        let ask = |row, values| {
+            let careless = Careless { row, values };
+            predict_in_blocks(&careless, &nothing, &nothing, &[(0, 0), (0, 1)])
+        };
+        let sound = ask(3, 6).expect("two rows of three");
+        assert_eq!((sound.len(), sound.d_max()), (2, 3));
+        for (row, values, said) in [
+            (2, 4, "of a pair have 2 values, the model expects 3"),
+            (3, 3, "of all pairs have 3 values, the model expects 6"),
+            (3, 9, "of all pairs have 9 values, the model expects 6"),
+        ] {
+            let error = ask(row, values).expect_err(said).to_string();
+            assert!(error.contains(said), "{error}");
+        }
+    }
 }

@@ -1,3 +1,4 @@
+use std::fmt;
 use std::sync::Arc;
 
 use super::approach::Approach;
@@ -49,9 +50,8 @@ impl<'a> Controller<'a> {
     /// Makes the states of the planner's graph ready for the model's traversability function.
     ///
     /// # Errors
-    /// [`RolloutError::Graph`] when the graph's latents are not the model's, [`RolloutError::Model`] when a
-    /// network gives no answer, [`RolloutError::Planner`] when the stages of the graph's states cannot be
-    /// learnt.
+    /// Those of [`Monitor::new`], and [`RolloutError::LandmarksDiffer`] when the landmarks are not where this encoder
+    /// tells them.
     pub fn new(
         model: RolloutModel<'a>,
         planner: Planner,
@@ -60,6 +60,8 @@ impl<'a> Controller<'a> {
         let monitor = Monitor::new(model, &planner, &options)?;
         let spec = model.encoder.spec();
         let book = model.landmarks.filter(|_| options.approach);
+        let misfit = book.and_then(|book| book.misfit(spec.latent_dim, &spec.cameras));
+        RolloutError::unless_misfit(misfit)?;
         let approach = book.and_then(|book| {
             Approach::new(&Arc::new(book.clone()), &spec.cameras, &spec.action_space)
         });
@@ -296,10 +298,12 @@ impl<'a> Controller<'a> {
         localisation: &Localisation,
         goal: &GoalChoice,
     ) -> Result<(ActionDistribution, Vec<usize>), RolloutError> {
+        let head_sizes = self.spec().action_space.head_sizes();
         let mut parts = Vec::new();
         for (node, weight) in self.goal_states(localisation, goal) {
             let goal = self.planner.graph().latents().row(node.index());
             let part = self.model.policy.act(latent.row(0), goal);
+            let part = part.and_then(|part| part.ensure_of(&head_sizes).map(|()| part));
             let part = part.map_err(|source| RolloutError::Model {
                 step: self.run.step,
                 source,
@@ -339,6 +343,16 @@ impl<'a> Controller<'a> {
             approach.chosen(classes[0], node);
         }
         Ok((distribution, classes))
+    }
+}
+
+impl fmt::Debug for Controller<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Controller")
+            .field("model", &self.model)
+            .field("monitor", &self.monitor)
+            .field("options", &self.options)
+            .finish_non_exhaustive()
     }
 }
 

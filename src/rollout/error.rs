@@ -40,6 +40,24 @@ pub enum RolloutError {
         /// What does not fit.
         source: TrajectoryError,
     },
+    /// What is known of landmarks is not of the encoder.
+    #[error(
+        "the landmarks are not of this encoder: {misfit}; take those that were written with it"
+    )]
+    LandmarksDiffer {
+        /// What does not fit.
+        misfit: String,
+    },
+    /// An option that no run can be made with.
+    #[error("{option} is {value}, but it must be {range}")]
+    OptionOutOfRange {
+        /// Which of [`RolloutOptions`](super::RolloutOptions).
+        option: &'static str,
+        /// What it is.
+        value: f64,
+        /// What it may be.
+        range: &'static str,
+    },
     /// The robot's actions are not those that the model was trained on.
     #[error("the robot takes {robot}, the model was trained on {model}: use a model of this robot")]
     ActionSpaceDiffers {
@@ -51,6 +69,11 @@ pub enum RolloutError {
 }
 
 impl RolloutError {
+    /// Refuses landmarks of which something does not fit.
+    pub(super) fn unless_misfit(misfit: Option<String>) -> Result<(), Self> {
+        misfit.map_or(Ok(()), |misfit| Err(Self::LandmarksDiffer { misfit }))
+    }
+
     /// Refuses a robot whose actions are not those of a model.
     pub(super) fn unless_same_actions(
         robot: &ActionSpace,

@@ -1,3 +1,4 @@
+use std::fmt;
 use std::sync::Arc;
 
 use super::nearby::Nearby;
@@ -56,18 +57,23 @@ impl<'a> Monitor<'a> {
     ///
     /// # Errors
     /// [`RolloutError::Graph`] when the graph has another `d_max` or latents of another length than the
-    /// model, [`RolloutError::Model`] when a network gives no answer, [`RolloutError::Planner`] when the
-    /// stages of the graph's states cannot be learnt.
+    /// model, [`RolloutError::Model`] when a network gives no answer, [`RolloutError::LandmarksDiffer`] when the
+    /// landmarks are not of the encoder, [`RolloutError::OptionOutOfRange`] when an option is out of its range,
+    /// [`RolloutError::Planner`] when the stages of the graph's states cannot be learnt.
     pub fn new(
         model: RolloutModel<'a>,
         planner: &Planner,
         options: &RolloutOptions,
     ) -> Result<Self, RolloutError> {
+        options.check()?;
+        let spec = model.encoder.spec();
         planner.graph().ensure_fits(
             "the graph of the composition",
             model.traversability.d_max(),
-            model.encoder.spec().latent_dim,
+            spec.latent_dim,
         )?;
+        let misfit = (model.landmarks).and_then(|book| book.misfit_of_grasps(&spec.cameras));
+        RolloutError::unless_misfit(misfit)?;
         let latents = planner.graph().latents();
         let projections = model
             .traversability
@@ -132,7 +138,8 @@ impl<'a> Monitor<'a> {
     /// The next observation, one time step after the last one.
     ///
     /// # Errors
-    /// [`RolloutError::Model`] when a network gives no answer, or a latent that holds NaN or infinity.
+    /// [`RolloutError::Model`] when a network gives no answer, one of another length than it should, or a latent
+    /// that holds NaN or infinity.
     pub fn look(&mut self, observation: Arc<Observation>) -> Result<Sight, RolloutError> {
         let step = self.step;
         let failed = |source| RolloutError::Model { step, source };
@@ -143,6 +150,8 @@ impl<'a> Monitor<'a> {
         self.history.drain(..excess);
         let state = State::from_history(&self.history, stack);
         let latent = self.model.encoder.encode(&[state]).map_err(failed)?;
+        let latent_dim = self.model.encoder.spec().latent_dim;
+        latent.ensure_of(1, latent_dim).map_err(failed)?;
         ensure_finite(&latent).map_err(failed)?;
         let encode_ms = watch.lap_ms();
         let current = self.model.traversability.project(&latent).map_err(failed)?;
@@ -243,6 +252,15 @@ impl<'a> Monitor<'a> {
             }),
         }
         events
+    }
+}
+
+impl fmt::Debug for Monitor<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Monitor")
+            .field("step", &self.step)
+            .field("stage", &self.filter.stage())
+            .finish_non_exhaustive()
     }
 }
 

@@ -1,5 +1,6 @@
 use serde::{Deserialize, Serialize};
 
+use super::RolloutError;
 use super::reflex::Stillness;
 use crate::composer::OnShortcut;
 use crate::planner::FilterOptions;
@@ -20,16 +21,16 @@ pub struct RolloutOptions {
     /// At most so many states in each direction are asked how far they are at each step, those that an
     /// embedding holds for nearest, and those where the robot is believed to be; `None` asks all.
     pub nearest_states: Option<usize>,
-    /// Least probability that a state is near for distances back from it to be asked for.
+    /// Least probability (0..=1) that a state is near for distances back from it to be asked for.
     pub near_probability: f32,
     /// Steps without a lower cost-to-go until actions are drawn by their probabilities instead of
     /// taking the most probable one.
     pub doubt_steps: usize,
     /// Steps without a lower cost-to-go until the goal state is made dearer.
     pub patience_steps: usize,
-    /// What a goal state that was not reached costs extra, in steps.
+    /// What a goal state that was not reached costs extra, in steps, 0 or more.
     pub penalty_steps: f64,
-    /// Share of such an extra that is left after each step.
+    /// Share (0..=1) of such an extra that is left after each step.
     pub penalty_keep: f64,
     /// Change of the mean value (0..=255) of a patch of 10x10 pixels that shows that something moved.
     pub still_levels: f32,
@@ -74,10 +75,84 @@ impl Default for RolloutOptions {
 }
 
 impl RolloutOptions {
+    /// Refuses what no run can be made with.
+    ///
+    /// # Errors
+    /// [`RolloutError::OptionOutOfRange`] for the first that is out of its range.
+    pub fn check(&self) -> Result<(), RolloutError> {
+        let shares = [
+            ("near_probability", f64::from(self.near_probability)),
+            ("penalty_keep", self.penalty_keep),
+            ("still_share", f64::from(self.still_share)),
+            ("least_substitute", f64::from(self.least_substitute)),
+        ];
+        for (option, value) in shares {
+            within(option, value, (0.0..=1.0).contains(&value), "from 0 to 1")?;
+        }
+        for (option, value) in [
+            ("penalty_steps", self.penalty_steps),
+            ("still_levels", f64::from(self.still_levels)),
+        ] {
+            let is_sound = value.is_finite() && value >= 0.0;
+            within(option, value, is_sound, "0 or more, and finite")?;
+        }
+        within(
+            "hypotheses",
+            self.hypotheses as f64,
+            self.hypotheses > 0,
+            "1 or more",
+        )
+    }
+
     pub(super) fn stillness(&self) -> Stillness {
         Stillness {
             levels: self.still_levels,
             share: self.still_share,
         }
+    }
+}
+
+fn within(
+    option: &'static str,
+    value: f64,
+    is_sound: bool,
+    range: &'static str,
+) -> Result<(), RolloutError> {
+    if is_sound {
+        return Ok(());
+    }
+    Err(RolloutError::OptionOutOfRange {
+        option,
+        value,
+        range,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_option_out_of_its_range_is_refused_by_name() {
+        RolloutOptions::default().check().expect("the defaults");
+        let refused = |change: fn(&mut RolloutOptions)| {
+            let mut options = RolloutOptions::default();
+            change(&mut options);
+            options.check().expect_err("out of range").to_string()
+        };
+        let error = refused(|o| o.penalty_steps = -1.0);
+        assert_eq!(
+            error,
+            "penalty_steps is -1, but it must be 0 or more, and finite"
+        );
+        let error = refused(|o| o.penalty_steps = f64::INFINITY);
+        assert!(error.contains("penalty_steps is inf"), "{error}");
+        let error = refused(|o| o.penalty_keep = f64::NAN);
+        assert!(
+            error.contains("penalty_keep is NaN, but it must be from 0 to 1"),
+            "{error}"
+        );
+        let error = refused(|o| o.hypotheses = 0);
+        assert!(error.contains("hypotheses is 0"), "{error}");
     }
 }

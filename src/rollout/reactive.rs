@@ -1,4 +1,5 @@
 use std::collections::VecDeque;
+use std::fmt;
 use std::sync::Arc;
 
 use super::reflex::Reflex;
@@ -155,6 +156,15 @@ impl<'a> ReactiveRollout<'a> {
             times,
         };
         Ok((record, classes))
+    }
+}
+
+impl fmt::Debug for ReactiveRollout<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ReactiveRollout")
+            .field("spec", self.policy.spec())
+            .field("options", &self.options)
+            .finish_non_exhaustive()
     }
 }
 

@@ -1,3 +1,4 @@
+use std::fmt;
 use std::sync::Arc;
 
 use super::{Controller, Decision, Episode, RolloutError, RolloutObserver, RolloutOptions};
@@ -15,14 +16,25 @@ pub struct RolloutModel<'a> {
     pub traversability: &'a (dyn Traversability + Sync),
     /// Actions towards a goal state.
     pub policy: &'a (dyn LocalPolicy + Sync),
-    /// What is known of landmarks that the encoder tells, if it tells any.
+    /// What is known of landmarks that the encoder tells, if it tells any. It must belong to the encoder's latents
+    /// and cameras, as [`LandmarkBook::misfit`] tells; that of a [loaded model](crate::inference::Model::landmarks)
+    /// does.
     pub landmarks: Option<&'a LandmarkBook>,
+}
+
+impl fmt::Debug for RolloutModel<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("RolloutModel")
+            .field("spec", self.encoder.spec())
+            .field("has_landmarks", &self.landmarks.is_some())
+            .finish_non_exhaustive()
+    }
 }
 
 /// A composition, ready to be run again and again.
 ///
 /// A clone shares the graph, what was computed of it, and the model, and runs episodes of its own.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Rollout<'a> {
     model: RolloutModel<'a>,
     controller: Controller<'a>,

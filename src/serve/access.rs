@@ -1,3 +1,4 @@
+use std::fmt;
 use std::fs;
 use std::net::SocketAddr;
 use std::path::Path;
@@ -60,6 +61,13 @@ impl ApiKey {
             .unwrap_or_default();
         let digest: [u8; 32] = Sha256::digest(sent.trim()).into();
         bool::from(digest.ct_eq(&self.digest))
+    }
+}
+
+impl fmt::Debug for ApiKey {
+    /// Nothing of the key, nor of its digest.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ApiKey").finish_non_exhaustive()
     }
 }
 
@@ -126,6 +134,12 @@ mod tests {
     }
 
     #[test]
+    fn a_key_is_not_printed() {
+        let key = ApiKey::new(KEY).expect("it is long enough");
+        assert_eq!(format!("{key:?}"), "ApiKey { .. }");
+    }
+
+    #[test]
     fn web_pages_stay_outside() {
         let access = Access { key: None };
         let page = request("origin", "http://localhost:3000");
@@ -152,7 +166,7 @@ mod tests {
             ("", "0 characters"),
             ("schlüssel-mit-umlaut", "printable ASCII"),
         ] {
-            let error = ApiKey::new(text).err().expect(text);
+            let error = ApiKey::new(text).expect_err(text);
             assert!(error.contains(reason), "{text}: {error}");
         }
     }

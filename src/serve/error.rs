@@ -32,5 +32,5 @@ pub enum ServeError {
     },
     /// The system gives no threads or no signals.
     #[error("the server cannot start: {0}")]
-    System(std::io::Error),
+    System(#[source] std::io::Error),
 }

@@ -1,3 +1,4 @@
+use std::fmt;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -75,6 +76,14 @@ impl Service for PolicyService<'_> {
             controller,
             end: None,
         })
+    }
+}
+
+impl fmt::Debug for PolicyService<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("PolicyService")
+            .field("controller", &self.controller)
+            .finish_non_exhaustive()
     }
 }
 

@@ -1,3 +1,4 @@
+use std::fmt;
 use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
@@ -53,7 +54,7 @@ impl Server {
     ///
     /// # Errors
     /// [`ServeError::KeyNeeded`] for an address that other machines reach without a key,
-    /// [`ServeError::Bind`] when the port cannot be had.
+    /// [`ServeError::Bind`] when the port cannot be had, [`ServeError::System`] when the system gives no threads.
     pub fn bind(
         address: SocketAddr,
         key: Option<ApiKey>,
@@ -107,7 +108,10 @@ impl Server {
     }
 
     /// Serves until it is stopped, and returns once the conversations that were going on have had their last
-    /// answer.
+    /// answer. It has an asynchronous runtime of its own: a program that has one, too, calls this on a thread apart.
+    ///
+    /// # Panics
+    /// If it is called within an asynchronous runtime.
     pub fn run(self, service: &dyn Service, stop: &Stop) {
         let (openings, mut opened) = mpsc::unbounded_channel();
         let shared = Shared {
@@ -128,6 +132,15 @@ impl Server {
             }
         });
         self.runtime.shutdown_timeout(self.limits.patience);
+    }
+}
+
+impl fmt::Debug for Server {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Server")
+            .field("address", &self.address)
+            .field("limits", &self.limits)
+            .finish_non_exhaustive()
     }
 }
 

@@ -10,38 +10,10 @@ use serde::Serialize;
 use super::*;
 use crate::environment::{Environment, EnvironmentError};
 use crate::graph::fakes::{Oracle, PixelEncoder, forward};
-use crate::model::{ActionDistribution, Encoder, Latents, LocalPolicy, ModelError, ModelSpec};
+use crate::model::{ActionDistribution, LocalPolicy, ModelError};
 use crate::planner::fakes::corridor;
 use crate::rollout::{Controller, RolloutModel, RolloutOptions};
-use crate::trajectory::{Action, ActionSpace, CameraSpec, Image, Observation, State};
-
-/// Sees a place of the corridor in the red of its only pixel.
-struct Eye(PixelEncoder, ModelSpec);
-
-impl Eye {
-    fn new() -> Self {
-        let inner = PixelEncoder::new(5);
-        let spec = ModelSpec {
-            cameras: vec![CameraSpec {
-                name: "eye".to_owned(),
-                height: 1,
-                width: 1,
-            }],
-            ..inner.spec().clone()
-        };
-        Self(inner, spec)
-    }
-}
-
-impl Encoder for Eye {
-    fn spec(&self) -> &ModelSpec {
-        &self.1
-    }
-
-    fn encode(&self, states: &[State]) -> Result<Latents, ModelError> {
-        self.0.encode(states)
-    }
-}
+use crate::trajectory::{Action, ActionSpace, CameraSpec, Image, Observation};
 
 /// Goes on, whatever it sees.
 struct Onward;
@@ -56,7 +28,7 @@ impl LocalPolicy for Onward {
 
 /// Calls `with` with a service over the corridor.
 fn with_policy(with: impl FnOnce(&PolicyService<'_>)) {
-    let (eye, oracle) = (Eye::new(), Oracle::new(5, forward));
+    let (eye, oracle) = (PixelEncoder::new(5), Oracle::new(5, forward));
     let model = RolloutModel {
         encoder: &eye,
         traversability: &oracle,

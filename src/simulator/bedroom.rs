@@ -1,5 +1,7 @@
 //! The simulated bedroom as a robot's environment: images in, primitives out.
 
+use std::fmt;
+
 use nalgebra::{Isometry3, Point3, Vector3};
 use rand::{RngCore, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -211,6 +213,14 @@ impl Bedroom {
                 headlight: nominal.headlight * headlight,
             },
         }
+    }
+}
+
+impl fmt::Debug for Bedroom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Bedroom")
+            .field("config", &self.config)
+            .finish_non_exhaustive()
     }
 }
 

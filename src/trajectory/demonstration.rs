@@ -81,8 +81,9 @@ pub struct DemonstrationSet {
 }
 
 impl DemonstrationSet {
-    /// Puts trajectories together after checking that every one has steps and that cameras and
-    /// action spaces agree.
+    /// Puts trajectories together after checking that every one has steps and that cameras (those of the
+    /// first steps) and action spaces agree. That ids are unique is not checked: graphs tell the demonstrations
+    /// of a task apart by them.
     ///
     /// # Errors
     /// [`TrajectoryError::Empty`] for no trajectories or one without steps,

@@ -32,7 +32,9 @@ impl Image {
         rgb: impl Into<Arc<[u8]>>,
     ) -> Result<Self, TrajectoryError> {
         let rgb = rgb.into();
-        let expected = height as usize * width as usize * 3;
+        let expected = (height as usize)
+            .saturating_mul(width as usize)
+            .saturating_mul(3);
         if rgb.len() != expected {
             return Err(TrajectoryError::PixelCount {
                 height,
@@ -117,6 +119,17 @@ pub(crate) fn printed_cameras(cameras: &[CameraSpec]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bytes_that_are_not_as_many_as_the_size_needs_are_refused() {
+        for (height, width, bytes) in [(2, 3, 17), (2, 3, 19), (u32::MAX, u32::MAX, 3)] {
+            let refused = Image::new(height, width, vec![0; bytes]);
+            assert!(
+                matches!(refused, Err(TrajectoryError::PixelCount { found, .. }) if found == bytes),
+                "{refused:?}"
+            );
+        }
+    }
 
     #[test]
     fn resizing_averages_and_keeps_what_is_plain() {

@@ -7,6 +7,7 @@ use crate::model::{
 };
 use crate::planner::FilterOptions;
 use crate::planner::fakes::corridor;
+use crate::rollout::Rollout;
 use crate::trajectory::{Image, RobotGeometry};
 
 /// The corridor's subgoals.
@@ -87,6 +88,22 @@ fn a_latent_that_is_no_number_is_an_error_at_its_step() {
 }
 
 #[test]
+fn what_runs_can_be_printed() {
+    let (encoder, oracle) = (PixelEncoder::new(5), Oracle::new(5, forward));
+    let model = RolloutModel {
+        encoder: &encoder,
+        traversability: &oracle,
+        policy: &Nobody,
+        landmarks: None,
+    };
+    let rollout = Rollout::new(model, corridor(&THREE), RolloutOptions::default());
+    let printed = format!("{:?}", rollout.expect("the graph fits"));
+    for part in ["latent_dim: 3", "stage: 0", "max_steps: 400"] {
+        assert!(printed.contains(part), "{printed}");
+    }
+}
+
+#[test]
 fn a_walk_reaches_every_subgoal_in_order() {
     let reached: Vec<String> = told((0..25).chain([24; 4]))
         .into_iter()
@@ -151,6 +168,31 @@ fn book_of_corridor() -> LandmarkBook {
             things: Vec::new(),
         }),
     }
+}
+
+#[test]
+fn landmarks_of_another_encoder_are_refused_before_a_run() {
+    let (oracle, encoder) = (Oracle::new(5, forward), PixelEncoder::new(5));
+    let refused = |book: &LandmarkBook| {
+        let model = RolloutModel {
+            encoder: &encoder,
+            traversability: &oracle,
+            policy: &Nobody,
+            landmarks: Some(book),
+        };
+        let options = RolloutOptions::default();
+        let watched = Monitor::new(model, &corridor(&THREE), &options).err();
+        let driven = Rollout::new(model, corridor(&THREE), options).err();
+        [watched, driven].map(|error| error.map_or_else(String::new, |e| e.to_string()))
+    };
+    // To watch the gripper takes no landmark that the encoder tells; to be led to one does.
+    let [watched, driven] = refused(&book_of_corridor());
+    assert_eq!(watched, "");
+    assert!(driven.contains("0 views of 1 cameras"), "{driven}");
+    let mut book = book_of_corridor();
+    book.landmarks.pop();
+    let [watched, _] = refused(&book);
+    assert!(watched.contains("an event of landmark 1 of 1"), "{watched}");
 }
 
 #[test]
