@@ -4,7 +4,7 @@ use std::io::Cursor;
 
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder as _, ImageReader, Limits};
+use image::{ColorType, ExtendedColorType, ImageEncoder as _, ImageReader, Limits};
 
 use crate::trajectory::Image;
 
@@ -50,21 +50,25 @@ pub(super) fn decode_compressed(bytes: &[u8], format: &str) -> Result<Image, Str
     limits.max_image_height = Some(Image::LONGEST_SIDE);
     limits.max_alloc = Some(MAX_IMAGE_BYTES);
     reader.limits(limits);
-    let decoded = reader
-        .decode()
-        .map_err(|e| {
-            // Some decoders say it on several lines.
-            let reason = e
-                .to_string()
-                .split_whitespace()
-                .collect::<Vec<_>>()
-                .join(" ");
-            format!(
-                "{} bytes of format '{format}' are no JPEG or PNG: {reason}",
-                bytes.len()
-            )
-        })?
-        .into_rgb8();
+    let decoded = reader.decode().map_err(|e| {
+        // Some decoders say it on several lines.
+        let reason = e
+            .to_string()
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ");
+        format!(
+            "{} bytes of format '{format}' are no JPEG or PNG: {reason}",
+            bytes.len()
+        )
+    })?;
+    // As colours they would be nearly black.
+    if matches!(decoded.color(), ColorType::L16 | ColorType::La16) {
+        return Err(format!(
+            "grey values of 16 bits in format '{format}', as of a depth camera, are not supported (8 bits are)"
+        ));
+    }
+    let decoded = decoded.into_rgb8();
     Image::new(decoded.height(), decoded.width(), decoded.into_raw()).map_err(|e| e.to_string())
 }
 
@@ -152,6 +156,20 @@ mod tests {
         same("rgb8", 5, &[10, 20, 30, 0, 0, 40, 50, 60]);
         let grey = raw("mono8", 1, &[7, 8]).unwrap();
         assert_eq!(grey.rgb(), [7, 7, 7, 8, 8, 8]);
+    }
+
+    #[test]
+    fn a_picture_of_depths_is_refused() {
+        let mut bytes = Vec::new();
+        let depths = [1500_u16, 2000].map(u16::to_ne_bytes).concat();
+        PngEncoder::new(&mut bytes)
+            .write_image(&depths, 2, 1, ExtendedColorType::L16)
+            .unwrap();
+        let refused = decode_compressed(&bytes, "16UC1; png compressed").unwrap_err();
+        assert!(
+            refused.contains("16 bits in format '16UC1; png"),
+            "{refused}"
+        );
     }
 
     #[test]
