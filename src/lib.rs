@@ -66,20 +66,29 @@
 //! that somebody else drives which subgoals it reached and skipped, [`rollout::Controller`] is the loop for programs
 //! that hold the robot themselves, [`storage::Recordings`] reads recordings, [`view`] draws.
 
+// What only the rooms above take of those below is idle where these are left out.
+#![cfg_attr(not(feature = "cli"), allow(dead_code, unused_imports))]
+
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod composer;
 pub mod environment;
+#[cfg(feature = "simulator")]
 pub mod experiment;
 pub mod graph;
 pub mod inference;
 pub mod model;
 pub mod planner;
 pub mod rollout;
+#[cfg(feature = "serve")]
 pub mod serve;
+#[cfg(feature = "simulator")]
 pub mod simulator;
 pub mod storage;
 pub mod task;
+#[cfg(feature = "train")]
 pub mod training;
 pub mod trajectory;
+#[cfg(feature = "view")]
 pub mod view;
 mod wording;
