@@ -197,7 +197,7 @@ impl Reader<'_> {
         word: Option<&'static str>,
     ) -> Option<u32> {
         let (low, high) = (range.start(), range.end());
-        let or = word.map_or_else(String::new, |word| format!(" or {word}"));
+        let or = word.map_or_else(String::new, |word| format!(" or '{word}'"));
         let wanted = format!("a whole number{or}");
         let usual = format!("choose a whole number within {low}..={high}{or}");
         let help = || way_out::number(node, &usual);

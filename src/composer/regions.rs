@@ -267,9 +267,9 @@ fn never_passed(spec: &RegionSpec, stretch: usize, earlier: &[(usize, Subgoal)])
         .filter(|(at, s)| *at == stretch && s.task == spec.task.value);
     let names: Vec<&str> = beside.map(|(_, s)| s.name.as_str()).collect();
     let message = format!(
-        "no demonstration passes '{}' after {}",
+        "no demonstration passes '{}' after '{}'",
         spec.region(),
-        names.join(", ")
+        names.join("', '")
     );
     let help = "what lies between the same two subgoals is passed in the order in which it is written: put them in \
                 that of a demonstration, choose regions of the same one, or grow them by 'within_steps'";
@@ -385,7 +385,7 @@ mod tests {
             let (faults, _) = placed(order);
             let told = faults.expect_err("it cannot be passed").to_string();
             let [first, second] = order.map(|(_, step)| step);
-            let wanted = format!("no demonstration passes 'at_{second}' after at_{first}");
+            let wanted = format!("no demonstration passes 'at_{second}' after 'at_{first}'");
             assert_eq!(told, wanted);
         }
     }

@@ -108,10 +108,19 @@ pub fn merge(
         candidates: Candidates::new(&graph, &tasks, seams),
         options,
         tasks: &tasks,
+        graph_of: graph_of(graphs),
     };
     let projections = traversability.project(graph.latents())?;
     let report = work.run(&mut graph, traversability, &projections, progress)?;
     Ok(Merged { graph, report })
+}
+
+/// For each task, in the order of the joined graph, which of the graphs it is from.
+fn graph_of(graphs: &[&TopologicalGraph]) -> Vec<usize> {
+    let graphs = graphs.iter().enumerate();
+    graphs
+        .flat_map(|(number, graph)| vec![number; graph.tasks().len()])
+        .collect()
 }
 
 fn task_index(tasks: &[String], name: &str) -> usize {
@@ -171,6 +180,8 @@ struct Work<'a> {
     candidates: Candidates,
     options: &'a MergeOptions,
     tasks: &'a [String],
+    /// For each task, which of the graphs it is from.
+    graph_of: Vec<usize>,
 }
 
 impl Work<'_> {
@@ -216,8 +227,9 @@ impl Work<'_> {
         scored: Scored,
     ) -> Option<SeamReport> {
         let accepted = scored.edges.len();
+        let may_be_joined = self.graph_of[batch.from_task] == self.graph_of[batch.to_task];
         for (from, to, edge) in scored.edges {
-            add_crossing(graph, (from, to), edge);
+            add_crossing(graph, may_be_joined, (from, to), edge);
         }
         if !batch.is_seam {
             return None;
@@ -229,7 +241,7 @@ impl Work<'_> {
             .min(scored.near_misses.len());
         let floor: Vec<(ScoredPair, Edge)> = scored.near_misses;
         for (pair, edge) in &floor[..below_rule] {
-            add_crossing(graph, (pair.from, pair.to), edge.clone());
+            add_crossing(graph, may_be_joined, (pair.from, pair.to), edge.clone());
         }
         Some(SeamReport {
             from_task: self.tasks[batch.from_task].clone(),
@@ -242,10 +254,17 @@ impl Work<'_> {
     }
 }
 
-/// There may be an edge already, within a task or where one of the graphs was merged before; and a state need not be
-/// left for itself.
-fn add_crossing(graph: &mut TopologicalGraph, (from, to): (NodeId, NodeId), edge: Edge) {
-    if from != to {
+/// Between states of two graphs there is no edge yet. Within one, which may have been merged before, there may be, and
+/// a state need not be left for itself.
+fn add_crossing(
+    graph: &mut TopologicalGraph,
+    may_be_joined: bool,
+    (from, to): (NodeId, NodeId),
+    edge: Edge,
+) {
+    if !may_be_joined {
+        graph.push_edge(from, to, edge);
+    } else if from != to {
         graph.add_edge(from, to, edge);
     }
 }

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::StorageError;
 
 /// What lies beside the files of a bag.
-const METADATA_FILE: &str = "metadata.yaml";
+pub(super) const METADATA_FILE: &str = "metadata.yaml";
 
 #[derive(Deserialize)]
 struct Metadata {

@@ -147,6 +147,34 @@ mod tests {
     }
 
     #[test]
+    fn a_folder_of_another_format_is_told_what_it_holds() {
+        let root = tempfile::tempdir().unwrap();
+        fs::write(root.path().join("metadata.yaml"), "a: 1").unwrap();
+        fs::write(root.path().join("bag_0.db3"), "SQLite format 3").unwrap();
+        let told = || {
+            let read = load_demonstrations(&[root.path().to_owned()], "sock");
+            read.unwrap_err().to_string()
+        };
+        let error = told();
+        assert!(
+            error.contains("bag_0.db3 is no MCAP") && error.contains("ros2 bag convert"),
+            "{error}"
+        );
+        fs::write(
+            root.path().join("a.mcap.zstd"),
+            [0x28, 0xb5, 0x2f, 0xfd, 0, 0, 0, 0],
+        )
+        .unwrap();
+        let error = told();
+        assert!(
+            error.contains("a.mcap.zstd") && error.contains("zstd -d"),
+            "{error}"
+        );
+        write(root.path(), "b.mcap", 3, None);
+        load_demonstrations(&[root.path().to_owned()], "sock").unwrap();
+    }
+
+    #[test]
     fn folder_without_recordings_is_named() {
         let root = tempfile::tempdir().unwrap();
         let error = load_demonstrations(&[root.path().to_owned()], "sock").unwrap_err();
@@ -193,7 +221,10 @@ mod tests {
         assert_eq!(actions(joined), actions(&whole));
         let told = reports[1].to_string();
         assert!(told.contains("3 files of one bag"), "{told}");
-        assert_eq!(recording_files(&paths).unwrap().len(), 4);
+        assert_eq!(recording_files(&paths).unwrap().len(), 5);
+        let twice = [bag.join("run_1.mcap"), bag.clone()];
+        let (set, _) = load_demonstrations(&twice, "sock").unwrap();
+        assert_eq!(set.trajectories().len(), 1);
 
         fs::remove_file(bag.join("run_1.mcap")).unwrap();
         let error = load_demonstrations(&paths, "sock").unwrap_err().to_string();

@@ -14,6 +14,7 @@ use super::left_out::{why_damaged, why_left_out, why_not_practised_on};
 use super::lerobot::{self, Dataset, inspect_episode, read_episode};
 use super::mapping::{Mapping, is_mapping};
 use super::recording::{inspect_mcap, read_mcap};
+use super::salvage::check_begins_as_mcap;
 use super::view::{ReadOptions, View};
 use super::{Loss, Recording, RecordingReport, StorageError, sha256_file};
 use crate::trajectory::{ActionSpace, Binning, DemonstrationSet, Trajectory};
@@ -22,7 +23,8 @@ use crate::trajectory::{ActionSpace, Binning, DemonstrationSet, Trajectory};
 ///
 /// A path is an MCAP file, a bag of several (a folder whose `metadata.yaml`, as `ros2 bag record` writes it, names them),
 /// a LeRobot dataset (a folder with `meta/info.json`), a folder in which any of these lies at any depth except in hidden
-/// folders, or a mapping file (`*.yaml`), which names recordings and says how they are read. A recording to which several paths lead counts once.
+/// folders, or a mapping file (`*.yaml`), which names recordings and says how they are read. A recording to which
+/// several paths lead counts once.
 #[derive(Clone, Debug)]
 pub struct Recordings {
     /// Sorted.
@@ -30,7 +32,12 @@ pub struct Recordings {
     mappings: Vec<Arc<Mapping>>,
     options: ReadOptions,
     paths: Vec<PathBuf>,
+    /// Files of recorders whose format is not read.
+    passed_over: Vec<PathBuf>,
 }
+
+/// How the names of such files end.
+const OF_OTHER_FORMATS: [&str; 6] = ["bag", "db3", "h5", "hdf5", "zst", "zstd"];
 
 /// One recording.
 #[derive(Clone, Debug)]
@@ -132,8 +139,16 @@ impl Source {
     fn identity(&self) -> ((PathBuf, usize), bool) {
         let (path, number) = self.order();
         let real = real(path);
-        let is_own_path = real.ends_with(path);
+        let is_own_path = real.ends_with(path.strip_prefix(".").unwrap_or(path));
         ((real, number), is_own_path)
+    }
+
+    /// The files of a bag of several; none of other recordings.
+    fn parts(&self) -> &[PathBuf] {
+        match &self.container {
+            Container::Mcap { files } if files.len() > 1 => files,
+            _ => &[],
+        }
     }
 
     /// What the task is called where the container says so without being read.
@@ -160,6 +175,7 @@ impl Recordings {
             mappings: Vec::new(),
             options: options.clone(),
             paths: paths.to_vec(),
+            passed_over: Vec::new(),
         };
         for path in paths {
             if is_mapping(path) {
@@ -175,6 +191,10 @@ impl Recordings {
         found.sources.sort_by(|a, b| a.order().cmp(&b.order()));
         found.leave_out_repeated();
         if found.sources.is_empty() {
+            // What is there says more than what is not.
+            if let Some(file) = found.passed_over.iter().min() {
+                check_begins_as_mcap(file)?;
+            }
             return Err(StorageError::NoRecordings {
                 paths: list(paths.iter().map(|p| p.display().to_string())),
             });
@@ -190,8 +210,14 @@ impl Recordings {
     }
 
     /// Keeps one of the sources that are the same recording, as where a folder holds a link to another one of its own:
-    /// that of its own path, or else the first.
+    /// that of its own path, or else the first. A file of a bag that is taken is not taken by itself as well.
     fn leave_out_repeated(&mut self) {
+        let parts = self.sources.iter().flat_map(Source::parts);
+        let parts: BTreeSet<PathBuf> = parts.map(|part| real(part)).collect();
+        if !parts.is_empty() {
+            let is_part = |s: &Source| s.parts().is_empty() && parts.contains(&real(&s.place));
+            self.sources.retain(|source| !is_part(source));
+        }
         let identities: Vec<_> = self.sources.iter().map(Source::identity).collect();
         let mut seen = BTreeSet::new();
         let mut is_kept = vec![false; identities.len()];
@@ -265,6 +291,8 @@ impl Recordings {
                 }
             } else if path.extension().is_some_and(|e| e == "mcap") && !parts.contains(&path) {
                 self.take_mcap(&path, vec![path.clone()], view);
+            } else if (path.extension()).is_some_and(|e| OF_OTHER_FORMATS.iter().any(|o| e == *o)) {
+                self.passed_over.push(path);
             }
         }
         Ok(())
@@ -418,7 +446,9 @@ impl Recordings {
         }
         let by_text = || told.values().find(|text| words(text) == words(task));
         let meant = told.get(task).or_else(by_text);
-        let meant = meant.or_else(|| told.get(&slug(task)));
+        // A name that holds too little of the text would be that of another task.
+        let named = || told.get(&slug(task)).filter(|_| slug(task) == words(task));
+        let meant = meant.or_else(named);
         let wanted = meant.map(|text| words(text));
         let is_wanted = |s: &&Source| s.task().is_none_or(|t| Some(words(&t)) == wanted);
         let sources: Vec<&Source> = self.sources.iter().filter(is_wanted).collect();
@@ -438,13 +468,18 @@ impl Recordings {
         Ok(sources)
     }
 
-    /// All files that the recordings consist of, and the mapping files; sorted.
+    /// All files that the recordings consist of, with those that name the files of bags, and the mapping files; sorted.
     #[must_use]
     pub fn files(&self) -> Vec<PathBuf> {
         let mut files: Vec<PathBuf> = self.mappings.iter().map(|m| m.path().to_owned()).collect();
         for source in &self.sources {
             match &source.container {
-                Container::Mcap { files: parts } => files.extend(parts.iter().cloned()),
+                Container::Mcap { files: parts } => {
+                    files.extend(parts.iter().cloned());
+                    if parts.len() > 1 {
+                        files.push(source.place.join(bag::METADATA_FILE));
+                    }
+                }
                 Container::Episode { dataset, number: 0 } => {
                     files.extend(dataset.files().iter().map(|f| dataset.root.join(f)));
                 }

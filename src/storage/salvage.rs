@@ -79,6 +79,15 @@ pub(super) fn salvage(
     Ok(salvager.found)
 }
 
+/// Says what a file is that is no MCAP recording.
+///
+/// # Errors
+/// As of a recording that begins with the wrong bytes.
+pub(super) fn check_begins_as_mcap(path: &Path) -> Result<(), StorageError> {
+    let mut file = File::open(path).map_err(StorageError::io("read", path))?;
+    check_magic(path, &mut file)
+}
+
 fn check_magic(path: &Path, input: &mut (impl Read + Seek)) -> Result<(), StorageError> {
     let mut start = Vec::new();
     input

@@ -52,7 +52,7 @@ impl Commands {
             return Ok(());
         }
         Err(CliError::ExperimentStep {
-            command: shown(words),
+            command: self.shown(words, None),
             status: status.to_string(),
             said: last_words(log.as_deref()),
         })
@@ -69,7 +69,7 @@ impl Commands {
         let mut command = self.command(words, log.as_deref(), engine)?;
         let output = command.output().map_err(CliError::io(&self.executable))?;
         let failed = |said: String| CliError::ExperimentStep {
-            command: shown(words),
+            command: self.shown(words, engine),
             status: output.status.to_string(),
             said,
         };
@@ -93,13 +93,9 @@ impl Commands {
         log: Option<&Path>,
         engine: Option<&str>,
     ) -> Result<Command, CliError> {
-        let mut words = words.to_vec();
-        if let Some(engine) = engine.or(self.engine) {
-            words.extend(["--engine".into(), engine.into()]);
-        }
-        println!("$ {}", shown(&words));
+        println!("$ {}", self.shown(words, engine));
         let mut command = Command::new(&self.executable);
-        command.args(words);
+        command.args(self.with_engine(words, engine));
         let Some(log) = log else {
             command.stderr(Stdio::inherit());
             return Ok(command);
@@ -111,12 +107,22 @@ impl Commands {
         }
         Ok(command)
     }
-}
 
-/// A command as it would be typed.
-pub(super) fn shown(words: &[OsString]) -> String {
-    let words: Vec<_> = words.iter().map(|w| w.to_string_lossy()).collect();
-    format!("catena {}", words.join(" "))
+    /// A command as it would be typed.
+    pub(super) fn shown(&self, words: &[OsString], engine: Option<&str>) -> String {
+        let words = self.with_engine(words, engine);
+        let words: Vec<_> = words.iter().map(|w| w.to_string_lossy()).collect();
+        format!("catena {}", words.join(" "))
+    }
+
+    /// A command with the engine that it names, if it names one.
+    fn with_engine(&self, words: &[OsString], engine: Option<&str>) -> Vec<OsString> {
+        let mut words = words.to_vec();
+        if let Some(engine) = engine.or(self.engine) {
+            words.extend(["--engine".into(), engine.into()]);
+        }
+        words
+    }
 }
 
 /// A log, opened to be written on.

@@ -1,5 +1,6 @@
 //! Figure 5: losses of the networks on held-out demonstrations.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -25,7 +26,7 @@ pub(super) fn figure_5(paper: &PaperArguments, arguments: &Arguments) -> Result<
     let out = out(paper, NAME)?;
     let workshop = Workshop::open(paper, arguments)?;
     if !paper.only_draw {
-        let seeds = size.training_seed..size.training_seed + size.seeds;
+        let seeds = size.training_seed..size.training_seed.saturating_add(size.seeds);
         let mut curves = Vec::new();
         for seed in seeds {
             for method in &methods {
@@ -78,14 +79,24 @@ fn measure(
     keep(&file, &curve)
 }
 
+/// The seeds of a method's curves that are there, whichever call measured them.
+fn measured(out: &Path, method: &str) -> Result<BTreeSet<u64>, CliError> {
+    let mut seeds = BTreeSet::new();
+    for entry in fs::read_dir(out).map_err(CliError::io(out))? {
+        let name = entry.map_err(CliError::io(out))?.file_name();
+        let name = name.to_string_lossy();
+        let seed = (name.strip_prefix(method))
+            .and_then(|rest| rest.strip_prefix("_seed")?.strip_suffix(".json"));
+        seeds.extend(seed.and_then(|seed| seed.parse::<u64>().ok()));
+    }
+    Ok(seeds)
+}
+
 /// Makes table and plot of all curves that are there.
 fn draw(out: &Path, size: &Size) -> Result<(), CliError> {
     let mut curves: Vec<LossCurve> = Vec::new();
     for method in TABLE_3 {
-        // The paper's three seeds count, too, whichever call measured them.
-        let asked = size.training_seed..size.training_seed.saturating_add(size.seeds);
-        let of_paper = (0..=SEEDS).filter(|seed| !asked.contains(seed));
-        for seed in of_paper.chain(asked.clone()) {
+        for seed in measured(out, method.name)? {
             curves.extend(kept(&curve_file(out, method.name, seed))?);
         }
     }
@@ -120,4 +131,24 @@ fn draw(out: &Path, size: &Size) -> Result<(), CliError> {
     write_curves_svg(&out.join("fig5.svg"), &panels, title, "optimiser steps")?;
     println!("\n{table}\nin {}", out.display());
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn curves_of_any_seed_are_drawn_and_each_of_its_own_method() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in [
+            "ours_seed1.json",
+            "ours_seed20261130.json",
+            "ours_seedx.json",
+            "siamese_seed2.json",
+        ] {
+            fs::write(folder.path().join(name), "{}").unwrap();
+        }
+        let seeds = measured(folder.path(), "ours").unwrap();
+        assert_eq!(seeds.into_iter().collect::<Vec<_>>(), [1, 20_261_130]);
+    }
 }

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::commands::shown;
 use super::method::{Method, TABLE_1, TABLE_3, chosen};
 use super::plan::{QUICK_NOTE, Size, digest, out};
 use super::workshop::{Trained, Workshop, evaluation};
@@ -223,7 +222,7 @@ impl<'a> Row<'a> {
                 success_rate: evaluation.success_rate,
                 interval_95: evaluation.interval_95,
                 digest,
-                commands: commands(method, &words, &shown(&command), trained),
+                commands: commands(method, &words, workshop.shown(trained, &command, None)),
                 digests: digests_of(trained)?,
                 commit: workshop.commit.clone(),
                 is_quick: size.is_quick,
@@ -242,13 +241,13 @@ impl<'a> Row<'a> {
 }
 
 /// The commands behind a cell, in order, without the folder that they work in.
-fn commands(method: &Method, words: &[String], evaluation: &str, trained: &Trained) -> Vec<String> {
+fn commands(method: &Method, words: &[String], evaluation: String) -> Vec<String> {
     let mut commands = vec![format!("catena train ... {}", words.join(" "))];
     if !method.building().is_empty() {
         let building = method.building().join(" ");
         commands.push(format!("catena graph build ... {building}"));
     }
-    commands.push(evaluation.replace(&trained.root.display().to_string(), "..."));
+    commands.push(evaluation);
     commands
 }
 

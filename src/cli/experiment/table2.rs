@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::commands::shown;
 use super::method::{Method, OURS, TABLE_1, chosen};
 use super::plan::{Size, digest, out};
 use super::workshop::{Workshop, evaluation};
@@ -91,7 +90,7 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
     for (method, demonstrations, engine, described, Missing { file, digest }) in cells {
         let seed = size.training_seed;
         let trained = workshop.trained(&method, demonstrations, &size, seed, true)?;
-        let mut command = evaluation(&method, &trained, TASK, &size);
+        let command = evaluation(&method, &trained, TASK, &size);
         let found: Evaluation = match workshop.json(&trained, &command, Some(engine)) {
             Ok(found) => found,
             Err(error) => {
@@ -99,7 +98,6 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
                 continue;
             }
         };
-        command.extend(["--engine".into(), engine.into()]);
         let cell = TimeCell {
             method: method.name.to_owned(),
             demonstrations,
@@ -109,7 +107,7 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
             steps: found.results.iter().map(|r| r.steps).sum(),
             cores,
             digest,
-            commands: vec![shown(&command).replace(&trained.root.display().to_string(), "...")],
+            commands: vec![workshop.shown(&trained, &command, Some(engine))],
             commit: workshop.commit.clone(),
         };
         keep(&file, &cell)?;

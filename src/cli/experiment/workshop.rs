@@ -81,6 +81,17 @@ impl<'a> Workshop<'a> {
         self.commands.json(words, &trained.root, engine)
     }
 
+    /// A command on what was trained as it is kept: without the folder that it works in.
+    pub(super) fn shown(
+        &self,
+        trained: &Trained,
+        words: &[OsString],
+        engine: Option<&str>,
+    ) -> String {
+        let command = self.commands.shown(words, engine);
+        command.replace(&trained.root.display().to_string(), "...")
+    }
+
     /// A cell that may not be replaced.
     pub(super) fn kept<T: DeserializeOwned>(&self, file: &Path) -> Result<Option<T>, CliError> {
         if self.paper.replace {

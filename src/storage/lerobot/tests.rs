@@ -267,6 +267,7 @@ fn tasks_in_other_letters_are_numbered() {
     assert_eq!(count("皿に置く"), 2);
     let error = recordings.demonstrations("cup").unwrap_err().to_string();
     assert!(error.contains("task_2 ('皿に置く')"), "{error}");
+    recordings.demonstrations("箱を開ける").unwrap_err();
 }
 
 #[test]
