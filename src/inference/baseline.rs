@@ -1,7 +1,7 @@
 use std::fmt;
 use std::path::Path;
 
-use super::contract::{STATES_A_BATCH, check, distribution, encode_cameras};
+use super::contract::{STATES_A_BATCH, distribution, encode_cameras};
 use super::model::{check_names, read};
 use super::network::{Network, Tensor, in_batches};
 use super::{Engine, EngineChoice, FrozenEncoder, InferenceError};
@@ -119,15 +119,15 @@ impl ReactivePolicy for Baseline {
             encode_cameras(network, &spec.cameras, spec.stack, &states[range])
         })?;
         let expected = states.len() * spec.latent_dim;
-        check("values of the encoder", expected, latents.len())?;
+        ModelError::unless_as_many("values of the encoder", expected, latents.len())?;
         Ok(Latents::from_values(spec.latent_dim, latents))
     }
 
     fn act(&self, history: &Latents, goal: &[f32]) -> Result<ActionDistribution, ModelError> {
         let spec = &self.manifest.spec;
         let values = spec.history * spec.latent_dim;
-        check("latents of the history", values, history.values().len())?;
-        check("latents", spec.latent_dim, goal.len())?;
+        ModelError::unless_as_many("latents of the history", values, history.values().len())?;
+        ModelError::unless_as_many("latents", spec.latent_dim, goal.len())?;
         let inputs = [("history", history.values()), ("goal", goal)].map(|(name, values)| Tensor {
             name,
             shape: vec![1, values.len()],

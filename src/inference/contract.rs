@@ -30,7 +30,7 @@ impl Encoder for Model {
             let spec = self.spec();
             encode_cameras(&self.encoder, &spec.cameras, spec.stack, &states[range])
         })?;
-        check("values of the encoder", states.len() * dim, latents.len())?;
+        ModelError::unless_as_many("values of the encoder", states.len() * dim, latents.len())?;
         Ok(Latents::from_values(dim, latents))
     }
 }
@@ -70,7 +70,7 @@ impl Traversability for Model {
 
     fn project(&self, latents: &Latents) -> Result<Projections, ModelError> {
         let dim = self.spec().latent_dim;
-        check("latents", dim, latents.dim())?;
+        ModelError::unless_as_many("latents", dim, latents.dim())?;
         let [from, to] = in_batches(latents.len(), LATENTS_A_BATCH, |range| {
             let input = Tensor {
                 name: "latent",
@@ -80,8 +80,8 @@ impl Traversability for Model {
             self.projection.run(&[input], range.len(), ["from", "to"])
         })?;
         let width = self.manifest.projection_width;
-        check("projections", latents.len() * width, from.len())?;
-        check("projections", latents.len() * width, to.len())?;
+        ModelError::unless_as_many("projections", latents.len() * width, from.len())?;
+        ModelError::unless_as_many("projections", latents.len() * width, to.len())?;
         Ok(Projections {
             from: Latents::from_values(width, from),
             to: Latents::from_values(width, to),
@@ -96,8 +96,8 @@ impl Traversability for Model {
     ) -> Result<StepDistributions, ModelError> {
         let width = self.manifest.projection_width;
         if !pairs.is_empty() {
-            check("projections", width, from.from.dim())?;
-            check("projections", width, to.to.dim())?;
+            ModelError::unless_as_many("projections", width, from.from.dim())?;
+            ModelError::unless_as_many("projections", width, to.to.dim())?;
         }
         let batch = (VALUES_A_BATCH / width.max(1)).clamp(1, PAIRS_A_BATCH);
         let [mut logits] = in_batches(pairs.len(), batch, |range| {
@@ -113,7 +113,7 @@ impl Traversability for Model {
             self.traversability.run(&inputs, pairs.len(), ["logits"])
         })?;
         let d_max = self.d_max();
-        check(
+        ModelError::unless_as_many(
             "logits of the traversability function",
             pairs.len() * d_max,
             logits.len(),
@@ -128,8 +128,8 @@ impl Traversability for Model {
 impl LocalPolicy for Model {
     fn act(&self, from: &[f32], goal: &[f32]) -> Result<ActionDistribution, ModelError> {
         let dim = self.spec().latent_dim;
-        check("latents", dim, from.len())?;
-        check("latents", dim, goal.len())?;
+        ModelError::unless_as_many("latents", dim, from.len())?;
+        ModelError::unless_as_many("latents", dim, goal.len())?;
         let input = |name, values| Tensor {
             name,
             shape: vec![1, dim],
@@ -147,7 +147,7 @@ pub(super) fn distribution(
     space: &ActionSpace,
 ) -> Result<ActionDistribution, ModelError> {
     let sizes = space.head_sizes();
-    check(
+    ModelError::unless_as_many(
         "logits of the local policy",
         sizes.iter().sum(),
         logits.len(),
@@ -185,18 +185,6 @@ fn softmax(logits: &mut [f32], temperature: f32) {
     for value in logits {
         *value /= sum;
     }
-}
-
-/// Values of a network or for it must be as many as are expected.
-pub(super) fn check(what: &str, expected: usize, found: usize) -> Result<(), ModelError> {
-    if expected == found {
-        return Ok(());
-    }
-    Err(ModelError::Length {
-        what: what.to_owned(),
-        expected,
-        found,
-    })
 }
 
 #[cfg(test)]

@@ -101,7 +101,7 @@ impl FeatureEncoder for FrozenEncoder {
             let (state, camera) = (range.start / cameras.len(), range.start % cameras.len());
             let pixels = picture(&states[state], &cameras[camera], &self.pictures)?;
             let values = run(&self.network, &self.pictures, &pixels)?;
-            super::contract::check("features of a picture", dim, values.len())?;
+            ModelError::unless_as_many("features of a picture", dim, values.len())?;
             Ok([values])
         })?;
         Ok(Latents::from_values(dim * cameras.len(), features))

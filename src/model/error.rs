@@ -54,7 +54,7 @@ impl ModelError {
     ///
     /// # Errors
     /// [`ModelError::Length`] with both numbers.
-    pub(super) fn unless_as_many(what: &str, expected: usize, found: usize) -> Result<(), Self> {
+    pub(crate) fn unless_as_many(what: &str, expected: usize, found: usize) -> Result<(), Self> {
         if expected == found {
             return Ok(());
         }

@@ -1,5 +1,8 @@
 //! Recordings of all kinds under one roof: MCAP files, LeRobot datasets, mapping files that name them.
 
+mod names;
+mod source;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,13 +14,15 @@ use sha2::{Digest, Sha256};
 use super::bag;
 use super::digest::hexadecimal;
 use super::left_out::{why_damaged, why_left_out, why_not_practised_on};
-use super::lerobot::{self, Dataset, inspect_episode, read_episode};
+use super::lerobot::{self, Dataset};
 use super::mapping::{Mapping, is_mapping};
-use super::recording::{inspect_mcap, read_mcap};
 use super::salvage::check_begins_as_mcap;
 use super::view::{ReadOptions, View};
-use super::{Loss, Recording, RecordingReport, StorageError, sha256_file};
-use crate::trajectory::{ActionSpace, Binning, DemonstrationSet, Trajectory};
+use super::{Recording, RecordingReport, StorageError, sha256_file};
+use crate::trajectory::{Binning, DemonstrationSet};
+pub(super) use names::slug;
+use names::{unique_ids, words};
+use source::{Container, Source, real};
 
 /// The recordings among some paths, found but not read.
 ///
@@ -38,130 +43,6 @@ pub struct Recordings {
 
 /// How the names of such files end.
 const OF_OTHER_FORMATS: [&str; 6] = ["bag", "db3", "h5", "hdf5", "zst", "zstd"];
-
-/// One recording.
-#[derive(Clone, Debug)]
-struct Source {
-    /// The file, or the dataset with the name of the episode.
-    place: PathBuf,
-    container: Container,
-    view: View,
-    /// What its mapping file says that the task is called; none where it does not, or where datasets tell of several
-    /// tasks, which keep their names.
-    task_by_mapping: Option<String>,
-}
-
-#[derive(Clone, Debug)]
-enum Container {
-    /// One after another.
-    Mcap { files: Vec<PathBuf> },
-    Episode {
-        dataset: Arc<Dataset>,
-        number: usize,
-    },
-}
-
-impl Source {
-    fn read(&self) -> Result<Recording, StorageError> {
-        let read = match &self.container {
-            Container::Mcap { files } => read_mcap(&self.place, files, &self.view),
-            Container::Episode { dataset, number } => read_episode(dataset, *number, &self.view),
-        };
-        let mut recording = match read {
-            Err(error) if error.tells_of_too_little() => self.remains(error)?,
-            read => read?,
-        };
-        self.check_cameras(&recording.report)?;
-        if let Some(task) = &self.task_by_mapping {
-            recording.trajectory.task.clone_from(task);
-            recording.report.task.clone_from(task);
-        }
-        Ok(recording)
-    }
-
-    /// A recording that is so damaged that no step is left of it, to be left out with what was to be said of it; where
-    /// nothing is lost that is an error.
-    fn remains(&self, error: StorageError) -> Result<Recording, StorageError> {
-        let inspected = self.inspect().ok();
-        let damaged = inspected.filter(|r| r.losses.iter().any(Loss::takes_messages));
-        let Some(mut report) = damaged else {
-            return Err(error);
-        };
-        let told = error.to_string();
-        let place = format!("{}: ", report.path.display());
-        let told = told.strip_prefix(&place).unwrap_or(&told);
-        report.left_out = Some(format!(
-            "it is damaged, and what is left makes no step: {told}"
-        ));
-        let trajectory = Trajectory {
-            id: self.place.display().to_string(),
-            task: report.task.clone(),
-            action_space: ActionSpace::Continuous { names: Vec::new() },
-            steps: Vec::new(),
-            markers: Vec::new(),
-        };
-        Ok(Recording { trajectory, report })
-    }
-
-    fn inspect(&self) -> Result<RecordingReport, StorageError> {
-        let mut report = match &self.container {
-            Container::Mcap { files } => inspect_mcap(&self.place, files, &self.view),
-            Container::Episode { dataset, number } => inspect_episode(dataset, *number, &self.view),
-        }?;
-        self.check_cameras(&report)?;
-        report.left_out = why_left_out(&report);
-        if let Some(task) = &self.task_by_mapping {
-            report.task.clone_from(task);
-        }
-        Ok(report)
-    }
-
-    /// Refuses a mapping file that gives a size to a camera that is not there, unless it may be what was lost.
-    fn check_cameras(&self, report: &RecordingReport) -> Result<(), StorageError> {
-        let mapping = self.view.mapping.as_ref();
-        let is_whole = !report.losses.iter().any(Loss::takes_messages);
-        let Some(mapping) = mapping.filter(|_| is_whole) else {
-            return Ok(());
-        };
-        let cameras = report.cameras.iter().map(|c| c.spec.name.as_str());
-        mapping.check_sizes(&self.place, &cameras.collect::<Vec<_>>())
-    }
-
-    /// Files by their paths, episodes by their dataset and number.
-    fn order(&self) -> (&Path, usize) {
-        match &self.container {
-            Container::Mcap { .. } => (&self.place, 0),
-            Container::Episode { dataset, number } => (&dataset.root, *number),
-        }
-    }
-
-    /// What is the same whichever path leads there; and whether this one does without links.
-    fn identity(&self) -> ((PathBuf, usize), bool) {
-        let (path, number) = self.order();
-        let real = real(path);
-        let is_own_path = real.ends_with(path.strip_prefix(".").unwrap_or(path));
-        ((real, number), is_own_path)
-    }
-
-    /// The files of a bag of several; none of other recordings.
-    fn parts(&self) -> &[PathBuf] {
-        match &self.container {
-            Container::Mcap { files } if files.len() > 1 => files,
-            _ => &[],
-        }
-    }
-
-    /// What the task is called where the container says so without being read.
-    fn task(&self) -> Option<String> {
-        match &self.container {
-            Container::Mcap { .. } => None,
-            Container::Episode { dataset, number } => {
-                let task = dataset.task(&dataset.episodes[*number]);
-                (!task.is_empty()).then_some(task)
-            }
-        }
-    }
-}
 
 impl Recordings {
     /// Finds the recordings among paths. Of datasets the metadata is read, of other recordings nothing.
@@ -271,9 +152,8 @@ impl Recordings {
             }
             return Ok(());
         }
-        let parts = bag::parts(folder)?.unwrap_or_default();
-        if !parts.is_empty() {
-            self.take_mcap(folder, parts.clone(), view);
+        if let Some(parts) = bag::parts(folder)? {
+            self.take_mcap(folder, parts, view);
         }
         let entries = fs::read_dir(folder).map_err(StorageError::io("read", folder))?;
         for entry in entries {
@@ -289,7 +169,7 @@ impl Recordings {
                 if !(path.is_symlink() && real(folder).starts_with(real(&path))) {
                     self.take_folder(&path, view)?;
                 }
-            } else if path.extension().is_some_and(|e| e == "mcap") && !parts.contains(&path) {
+            } else if path.extension().is_some_and(|e| e == "mcap") {
                 self.take_mcap(&path, vec![path.clone()], view);
             } else if (path.extension()).is_some_and(|e| OF_OTHER_FORMATS.iter().any(|o| e == *o)) {
                 self.passed_over.push(path);
@@ -506,55 +386,6 @@ impl Recordings {
         let asked = self.options.digested();
         Ok(hexadecimal(&Sha256::digest(digests.concat() + &asked)))
     }
-}
-
-/// The words of a text in small letters: texts with the same ones tell the same task.
-fn words(text: &str) -> String {
-    let words = text.split(|c: char| !c.is_alphanumeric());
-    let words = words.filter(|word| !word.is_empty());
-    words.map(str::to_lowercase).collect::<Vec<_>>().join("_")
-}
-
-/// A name that can be part of a path and the name of a task: letters, digits and `_`.
-pub(super) fn slug(text: &str) -> String {
-    const MAX_CHARS: usize = 60;
-    let words: Vec<String> = text
-        .split(|c: char| !c.is_ascii_alphanumeric())
-        .filter(|w| !w.is_empty())
-        .map(str::to_ascii_lowercase)
-        .collect();
-    let slug: String = words.join("_").chars().take(MAX_CHARS).collect();
-    if slug.is_empty() {
-        "task".to_owned()
-    } else {
-        slug
-    }
-}
-
-/// A path from the root on without links; the path itself where nothing is there.
-fn real(path: &Path) -> PathBuf {
-    fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
-}
-
-/// The stem of each file, with its folder where the stem alone is not unique, or the whole path where
-/// that is not either.
-fn unique_ids(places: &[&Path]) -> Vec<String> {
-    let stem = |p: &Path| p.with_extension("").file_name().map(PathBuf::from);
-    let with_folder = |p: &Path| Some(Path::new(p.parent()?.file_name()?).join(stem(p)?));
-    let candidates = |p: &Path| [stem(p), with_folder(p), Some(p.with_extension(""))];
-    let mut uses: BTreeMap<PathBuf, usize> = BTreeMap::new();
-    for candidate in places.iter().flat_map(|p| candidates(p)).flatten() {
-        *uses.entry(candidate).or_default() += 1;
-    }
-    places
-        .iter()
-        .map(|p| {
-            let id = candidates(p).into_iter().flatten().find(|c| uses[c] == 1);
-            id.unwrap_or_else(|| p.to_path_buf())
-                .to_string_lossy()
-                .into_owned()
-        })
-        .collect()
 }
 
 fn list(items: impl Iterator<Item = String>) -> String {

@@ -114,7 +114,7 @@ impl Size {
 }
 
 /// Numbers in rising order, each once: two jobs must not work in one folder.
-fn rising(numbers: &[usize]) -> Vec<usize> {
+pub(super) fn rising(numbers: &[usize]) -> Vec<usize> {
     let mut numbers = numbers.to_vec();
     numbers.sort_unstable();
     numbers.dedup();

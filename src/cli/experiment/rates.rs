@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::method::{Method, TABLE_1, TABLE_3, chosen};
-use super::plan::{QUICK_NOTE, Size, digest, out};
+use super::plan::{QUICK_NOTE, Size, digest, out, rising};
 use super::workshop::{Trained, Workshop, evaluation};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
@@ -97,10 +97,7 @@ impl Table {
         } else {
             self.demonstrations
         };
-        let mut numbers: Vec<usize> = [whole, &size.demonstrations].concat();
-        numbers.sort_unstable();
-        numbers.dedup();
-        for demonstrations in numbers {
+        for demonstrations in rising(&[whole, &size.demonstrations].concat()) {
             for method in self.methods {
                 let before = cells.len();
                 for task in PAPER_TASKS {

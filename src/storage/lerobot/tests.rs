@@ -221,6 +221,14 @@ fn as_version_two(three: &Path, two: &Path) {
     fs::write(two.join("meta/episodes.jsonl"), lines).unwrap();
 }
 
+/// The episodes of the bridge as datasets of version 3 and of version 2.
+fn in_both_versions(folder: &Path) -> [PathBuf; 2] {
+    let [three, two] = ["three", "two"].map(|name| folder.join(name));
+    convert_to_lerobot(&open(&bridge()), &three, PictureFormat::Png).unwrap();
+    as_version_two(&three, &two);
+    [three, two]
+}
+
 #[test]
 fn version_two_reads_like_version_three() {
     let folder = tempfile::tempdir().unwrap();
@@ -243,9 +251,7 @@ fn version_two_reads_like_version_three() {
 #[test]
 fn tasks_in_other_letters_are_numbered() {
     let folder = tempfile::tempdir().unwrap();
-    let (three, two) = (folder.path().join("three"), folder.path().join("two"));
-    convert_to_lerobot(&open(&bridge()), &three, PictureFormat::Png).unwrap();
-    as_version_two(&three, &two);
+    let [_, two] = in_both_versions(folder.path());
     let path = two.join("meta/episodes.jsonl");
     let lines = fs::read_to_string(&path).unwrap();
     let lines = lines.lines().enumerate().map(|(episode, _)| {
@@ -371,9 +377,7 @@ fn values_whose_names_are_numbered_are_called_by_their_numbers() {
 #[test]
 fn what_describes_the_episodes_is_part_of_the_digest() {
     let folder = tempfile::tempdir().unwrap();
-    let (three, two) = (folder.path().join("three"), folder.path().join("two"));
-    convert_to_lerobot(&open(&bridge()), &three, PictureFormat::Png).unwrap();
-    as_version_two(&three, &two);
+    let [three, two] = in_both_versions(folder.path());
     let tables = Path::new("meta/episodes/chunk-000/file-000.parquet");
     let files = Dataset::open(&three).unwrap().files();
     assert!(files.iter().any(|f| f == tables), "{files:?}");
@@ -389,9 +393,7 @@ fn what_describes_the_episodes_is_part_of_the_digest() {
 #[test]
 fn missing_frames_leave_an_episode_out() {
     let folder = tempfile::tempdir().unwrap();
-    let (three, two) = (folder.path().join("three"), folder.path().join("two"));
-    convert_to_lerobot(&open(&bridge()), &three, PictureFormat::Png).unwrap();
-    as_version_two(&three, &two);
+    let [_, two] = in_both_versions(folder.path());
     let path = two.join("meta/episodes.jsonl");
     let lines = fs::read_to_string(&path)
         .unwrap()
