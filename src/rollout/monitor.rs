@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use super::nearby::Nearby;
 use super::running::Watch;
-use super::{Event, RolloutError, RolloutModel, RolloutOptions};
+use super::{Event, MonitorModel, RolloutError, RolloutOptions};
 use crate::graph::NodeId;
 use crate::model::{GraspSight, Latents, ModelError, Projections};
 use crate::planner::{LiveDistances, Localisation, Planner, StageChange, StageFilter};
@@ -16,7 +16,7 @@ use crate::trajectory::{Observation, State};
 /// [`Rollout`](super::Rollout) has one for the robot that it drives.
 #[derive(Clone)]
 pub struct Monitor<'a> {
-    model: RolloutModel<'a>,
+    model: MonitorModel<'a>,
     filter: StageFilter,
     projections: Arc<Projections>,
     candidates: Vec<NodeId>,
@@ -53,7 +53,8 @@ pub struct Sight {
 }
 
 impl<'a> Monitor<'a> {
-    /// A monitor for the composition of a planner. Of the options it takes what concerns localisation.
+    /// A monitor for the composition of a planner. Of the options it takes what concerns localisation, of a
+    /// [`RolloutModel`](super::RolloutModel) all but the policy.
     ///
     /// # Errors
     /// [`RolloutError::Graph`] when the graph has another `d_max` or latents of another length than the
@@ -61,11 +62,12 @@ impl<'a> Monitor<'a> {
     /// landmarks are not of the encoder, [`RolloutError::OptionOutOfRange`] when an option is out of its range,
     /// [`RolloutError::Planner`] when the stages of the graph's states cannot be learnt.
     pub fn new(
-        model: RolloutModel<'a>,
+        model: impl Into<MonitorModel<'a>>,
         planner: &Planner,
         options: &RolloutOptions,
     ) -> Result<Self, RolloutError> {
         options.check()?;
+        let model = model.into();
         let spec = model.encoder.spec();
         planner.graph().ensure_fits(
             "the graph of the composition",

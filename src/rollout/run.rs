@@ -1,35 +1,11 @@
-use std::fmt;
 use std::sync::Arc;
 
-use super::{Controller, Decision, Episode, RolloutError, RolloutObserver, RolloutOptions};
+use super::{
+    Controller, Decision, Episode, RolloutError, RolloutModel, RolloutObserver, RolloutOptions,
+};
 use crate::environment::Environment;
-use crate::model::{Encoder, LandmarkBook, LocalPolicy, Traversability};
 use crate::planner::Planner;
 use crate::trajectory::{Observation, Step};
-
-/// The parts of a learned model; one object often is all of them.
-#[derive(Clone, Copy)]
-pub struct RolloutModel<'a> {
-    /// Images to latents.
-    pub encoder: &'a (dyn Encoder + Sync),
-    /// Steps between states.
-    pub traversability: &'a (dyn Traversability + Sync),
-    /// Actions towards a goal state.
-    pub policy: &'a (dyn LocalPolicy + Sync),
-    /// What is known of landmarks that the encoder tells, if it tells any. It must belong to the encoder's latents
-    /// and cameras, as [`LandmarkBook::misfit`] tells; that of a [loaded model](crate::inference::Model::landmarks)
-    /// does.
-    pub landmarks: Option<&'a LandmarkBook>,
-}
-
-impl fmt::Debug for RolloutModel<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("RolloutModel")
-            .field("spec", self.encoder.spec())
-            .field("has_landmarks", &self.landmarks.is_some())
-            .finish_non_exhaustive()
-    }
-}
 
 /// A composition, ready to be run again and again.
 ///

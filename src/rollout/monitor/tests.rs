@@ -7,18 +7,18 @@ use crate::model::{
 };
 use crate::planner::FilterOptions;
 use crate::planner::fakes::corridor;
-use crate::rollout::Rollout;
+use crate::rollout::{Rollout, RolloutModel};
 use crate::trajectory::{Image, RobotGeometry};
 
 /// The corridor's subgoals.
 const THREE: [&str; 3] = ["first", "second", "third"];
 
-/// Somebody else drives.
+/// Drives nowhere.
 struct Nobody;
 
 impl LocalPolicy for Nobody {
     fn act(&self, _: &[f32], _: &[f32]) -> Result<ActionDistribution, ModelError> {
-        unreachable!("a monitor does not act")
+        unreachable!("no step is made")
     }
 }
 
@@ -35,10 +35,9 @@ fn told(positions: impl IntoIterator<Item = u8>) -> Vec<Event> {
 fn told_with(options: &RolloutOptions, positions: impl IntoIterator<Item = u8>) -> Vec<Event> {
     let planner = corridor(&THREE);
     let oracle = Oracle::new(5, forward);
-    let model = RolloutModel {
+    let model = MonitorModel {
         encoder: &PixelEncoder::new(5),
         traversability: &oracle,
-        policy: &Nobody,
         landmarks: None,
     };
     let options = RolloutOptions {
@@ -56,10 +55,9 @@ fn told_with(options: &RolloutOptions, positions: impl IntoIterator<Item = u8>) 
 
 #[test]
 fn a_graph_of_another_d_max_is_refused_with_both() {
-    let model = RolloutModel {
+    let model = MonitorModel {
         encoder: &PixelEncoder::new(7),
         traversability: &Oracle::new(7, forward),
-        policy: &Nobody,
         landmarks: None,
     };
     let refused = Monitor::new(model, &corridor(&THREE), &RolloutOptions::default()).err();
@@ -70,10 +68,9 @@ fn a_graph_of_another_d_max_is_refused_with_both() {
 #[test]
 fn a_latent_that_is_no_number_is_an_error_at_its_step() {
     let encoder = BrokenEncoder::new(5, [2, 0]);
-    let model = RolloutModel {
+    let model = MonitorModel {
         encoder: &encoder,
         traversability: &Oracle::new(5, forward),
-        policy: &Nobody,
         landmarks: None,
     };
     let options = RolloutOptions::default();
@@ -202,10 +199,9 @@ fn what_is_seen_to_be_taken_is_as_sure_as_the_sight_of_it() {
         Oracle::new(5, forward),
         book_of_corridor(),
     );
-    let model = RolloutModel {
+    let model = MonitorModel {
         encoder: &PixelEncoder::new(5),
         traversability: &oracle,
-        policy: &Nobody,
         landmarks: Some(&book),
     };
     let options = RolloutOptions {
