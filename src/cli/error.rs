@@ -499,3 +499,21 @@ impl CliError {
         text
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cause_that_the_message_tells_is_not_told_again() {
+        let source = std::io::Error::other("the disk is gone");
+        let path = PathBuf::from("model/policy.onnx");
+        let error = CliError::from(InferenceError::FileUnreadable { path, source });
+        let cause = std::error::Error::source(&error);
+        assert!(cause.is_some_and(|e| e.is::<std::io::Error>()), "{error:?}");
+        assert_eq!(
+            error.report(),
+            "error: cannot read model/policy.onnx: the disk is gone; a model folder is written by `catena train`"
+        );
+    }
+}

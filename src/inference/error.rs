@@ -1,3 +1,4 @@
+use std::io;
 use std::path::PathBuf;
 
 use thiserror::Error;
@@ -8,12 +9,12 @@ use crate::model::ManifestError;
 #[derive(Debug, Error)]
 pub enum InferenceError {
     /// A file of the model cannot be read.
-    #[error("cannot read {path}: {reason}; a model folder is written by `catena train`")]
+    #[error("cannot read {path}: {source}; a model folder is written by `catena train`")]
     FileUnreadable {
         /// The file.
         path: PathBuf,
         /// What the operating system said.
-        reason: String,
+        source: io::Error,
     },
     /// The manifest is not one, or a file is not the one that the manifest was written with.
     #[error("the model in {folder} was refused: {source}")]
@@ -87,12 +88,12 @@ pub enum InferenceError {
         found: String,
     },
     /// The file of a frozen encoder, or the one beside it, cannot be read.
-    #[error("cannot read {path}: {reason}; name the ONNX file of a visual encoder")]
+    #[error("cannot read {path}: {source}; name the ONNX file of a visual encoder")]
     FrozenEncoderUnreadable {
         /// The file.
         path: PathBuf,
         /// What the operating system said.
-        reason: String,
+        source: io::Error,
     },
     /// A frozen encoder is not what a baseline can be trained on.
     #[error(
@@ -119,5 +120,7 @@ pub enum InferenceError {
         path: PathBuf,
         /// What is wrong with it.
         reason: String,
+        /// What serde said, where it is no JSON of this form.
+        source: Option<serde_json::Error>,
     },
 }

@@ -123,20 +123,21 @@ impl Written {
         if !path.exists() {
             return Ok(Self::default());
         }
-        let malformed = |reason: String| InferenceError::PicturesMalformed {
+        let malformed = |reason: String, source| InferenceError::PicturesMalformed {
             path: path.clone(),
             reason,
+            source,
         };
-        let written: Self =
-            serde_json::from_slice(&read(&path)?).map_err(|e| malformed(e.to_string()))?;
+        let written: Self = serde_json::from_slice(&read(&path)?)
+            .map_err(|error| malformed(error.to_string(), Some(error)))?;
         let is_fine = |values: &[f32; 3]| values.iter().all(|v| v.is_finite() && *v > 0.0);
         if written.deviation.is_some_and(|d| !is_fine(&d)) {
-            return Err(malformed("a deviation is not above 0".to_owned()));
+            return Err(malformed("a deviation is not above 0".to_owned(), None));
         }
         let is_bounded = |side: u32| (1..=4096).contains(&side);
         let mut sides = written.height.iter().chain(&written.width);
         if let Some(side) = sides.find(|side| !is_bounded(**side)) {
-            return Err(malformed(format!("a side of {side} pixels")));
+            return Err(malformed(format!("a side of {side} pixels"), None));
         }
         Ok(written)
     }
@@ -247,9 +248,9 @@ fn measured_dim(
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, InferenceError> {
-    std::fs::read(path).map_err(|e| InferenceError::FrozenEncoderUnreadable {
+    std::fs::read(path).map_err(|source| InferenceError::FrozenEncoderUnreadable {
         path: path.to_path_buf(),
-        reason: e.to_string(),
+        source,
     })
 }
 

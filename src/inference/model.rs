@@ -192,9 +192,9 @@ pub(super) fn check_names(
 }
 
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, InferenceError> {
-    std::fs::read(path).map_err(|e| InferenceError::FileUnreadable {
+    std::fs::read(path).map_err(|source| InferenceError::FileUnreadable {
         path: path.to_path_buf(),
-        reason: e.to_string(),
+        source,
     })
 }
 

@@ -161,6 +161,10 @@ fn missing_files_and_networks_under_each_other_s_name_are_named() {
     std::fs::remove_file(folder.path().join(MANIFEST_FILE)).expect("it was there");
     let error = Model::load(folder.path(), EngineChoice::Auto).expect_err("no manifest");
     assert!(error.to_string().contains(MANIFEST_FILE), "{error}");
+    let cause = std::error::Error::source(&error);
+    let cause = cause.and_then(|e| e.downcast_ref::<std::io::Error>());
+    let kind = cause.map(std::io::Error::kind);
+    assert_eq!(kind, Some(std::io::ErrorKind::NotFound));
 
     let folder = fixture::model_folder_with_swapped_networks();
     let error = Model::load(folder.path(), EngineChoice::Auto).expect_err("networks are swapped");

@@ -121,7 +121,7 @@ impl EpisodeWriter {
             .compression_threads(0)
             .chunk_size(Some(CHUNK_BYTES))
             .create(BufWriter::new(draft.file()?))
-            .map_err(|e| write_error(path, &e))?;
+            .map_err(|e| write_error(path, e))?;
         let mut episode = Self {
             writer,
             draft,
@@ -165,7 +165,7 @@ impl EpisodeWriter {
     ///
     /// # Errors
     /// [`StorageError::Write`] when the step is earlier than the one before it, the action is not of
-    /// the episode's space, an image cannot be encoded, or the file cannot be written.
+    /// the episode's space, or an image cannot be encoded, [`StorageError::Io`] when the file cannot be written.
     pub fn add_step(&mut self, step: &Step) -> Result<(), StorageError> {
         let nanos = self.nanos_of(step.time_secs)?;
         self.nanos = nanos;
@@ -198,7 +198,7 @@ impl EpisodeWriter {
     /// Marks that the newest step is the first that shows `name`.
     ///
     /// # Errors
-    /// [`StorageError::Write`] before the first step, or when the file cannot be written.
+    /// [`StorageError::Write`] before the first step, [`StorageError::Io`] when the file cannot be written.
     pub fn add_marker(&mut self, name: &str) -> Result<(), StorageError> {
         let Some(step) = self.steps.checked_sub(1) else {
             return Err(self.failure(&format!("marker '{name}' before the first step")));
@@ -219,7 +219,7 @@ impl EpisodeWriter {
     /// step. `schema_name` names the kind of object for viewers.
     ///
     /// # Errors
-    /// [`StorageError::Write`] when `value` is no object or the file cannot be written.
+    /// [`StorageError::Write`] when `value` is no object, [`StorageError::Io`] when the file cannot be written.
     pub fn add_json(
         &mut self,
         topic: &str,
@@ -263,7 +263,7 @@ impl EpisodeWriter {
             path,
             ..
         } = self;
-        writer.finish().map_err(|e| write_error(&path, &e))?;
+        writer.finish().map_err(|e| write_error(&path, e))?;
         writer
             .into_inner()
             .into_inner()
@@ -328,7 +328,7 @@ impl EpisodeWriter {
                 };
                 self.writer.write_to_known_channel(&header, data)
             })
-            .map_err(|e| write_error(&self.path, &e))
+            .map_err(|e| write_error(&self.path, e))
     }
 
     /// Id of a topic's channel, which is described when it first appears, and the next sequence number.
@@ -366,7 +366,7 @@ impl EpisodeWriter {
         };
         self.writer
             .write_metadata(&record)
-            .map_err(|e| write_error(&self.path, &e))
+            .map_err(|e| write_error(&self.path, e))
     }
 
     fn failure(&self, reason: &str) -> StorageError {
@@ -412,14 +412,32 @@ const fn json_schema(name: &'static str, text: &'static str) -> Schema<'static> 
     }
 }
 
-fn write_error(path: &Path, error: &McapError) -> StorageError {
-    let reason = match error {
+fn write_error(path: &Path, error: McapError) -> StorageError {
+    match error {
         // The library's own words leave out what happened, such as a full disk.
-        McapError::Io(source) => source.to_string(),
-        other => other.to_string(),
-    };
-    StorageError::Write {
-        path: path.to_owned(),
-        reason,
+        McapError::Io(source) => StorageError::io("write the recording", path)(source),
+        other => StorageError::Write {
+            path: path.to_owned(),
+            reason: other.to_string(),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error;
+    use std::io;
+
+    use super::*;
+
+    #[test]
+    fn what_the_system_refuses_is_the_cause_of_a_recording_that_cannot_be_written() {
+        let full = McapError::Io(io::Error::from(io::ErrorKind::StorageFull));
+        let error = write_error(Path::new("demos/sock.mcap"), full);
+        let cause = error.source().and_then(|e| e.downcast_ref::<io::Error>());
+        let cause = cause.expect("the system's own error");
+        assert_eq!(cause.kind(), io::ErrorKind::StorageFull);
+        let told = format!("cannot write the recording demos/sock.mcap: {cause}");
+        assert_eq!(error.to_string(), told);
     }
 }

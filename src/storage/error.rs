@@ -204,6 +204,8 @@ pub enum StorageError {
         camera: String,
         /// What failed, and the way out.
         reason: String,
+        /// What the system said, where the program that reads videos is there and cannot be started.
+        source: Option<io::Error>,
     },
     /// A dataset holds several tasks, none of which is the one that was asked for.
     #[error(
@@ -311,6 +313,8 @@ pub enum StorageError {
         path: PathBuf,
         /// What is wrong, with line and column where it is JSON.
         reason: String,
+        /// What serde said, where it is no manifest.
+        source: Option<serde_json::Error>,
     },
     /// The folder was written by another version of the format.
     #[error(

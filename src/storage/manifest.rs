@@ -148,6 +148,7 @@ impl GraphManifest {
         let invalid = |e: serde_json::Error| StorageError::Manifest {
             path: path.clone(),
             reason: e.to_string(),
+            source: Some(e),
         };
         // The version first: another version may have other fields.
         let version: Version = serde_json::from_slice(&text).map_err(invalid)?;
@@ -166,6 +167,7 @@ impl GraphManifest {
         let expected = self.files.get(name).ok_or_else(|| StorageError::Manifest {
             path: folder.join(FILE_NAME),
             reason: format!("'files' does not name {name}"),
+            source: None,
         })?;
         let path = folder.join(name);
         let found = sha256_file(&path)?;

@@ -24,31 +24,28 @@ pub(super) fn finish(path: &Path) -> Result<(), ViewError> {
     finished.map_err(|e| {
         // Nothing to do about a failure here: the next recording replaces the leftover.
         let _ = fs::remove_file(&unfinished);
-        unwritable(path, &e)
+        unwritable(path, e)
     })
 }
 
 /// Writes a file so that there is the old one or the whole new one, whatever happens.
 pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), ViewError> {
     write_file(path, |file| file.write_all(bytes)).map_err(|error| match error {
-        StorageError::Io { source, .. } => unwritable(path, &source),
-        other => ViewError::FileUnwritable {
-            path: path.to_path_buf(),
-            reason: other.to_string(),
-        },
+        StorageError::Io { source, .. } => unwritable(path, source),
+        other => unwritable(path, Error::other(other)),
     })
 }
 
 /// Creates the folder of a file.
 pub(super) fn create_folder(path: &Path) -> Result<(), ViewError> {
     path.parent().map_or(Ok(()), |folder| {
-        fs::create_dir_all(folder).map_err(|e| unwritable(path, &e))
+        fs::create_dir_all(folder).map_err(|e| unwritable(path, e))
     })
 }
 
-pub(super) fn unwritable(path: &Path, error: &Error) -> ViewError {
+pub(super) fn unwritable(path: &Path, source: Error) -> ViewError {
     ViewError::FileUnwritable {
         path: path.to_path_buf(),
-        reason: error.to_string(),
+        source,
     }
 }

@@ -298,6 +298,8 @@ fn picture_that_cannot_be_written_names_its_file() {
     let error = write_merged_graph_svg(&path, &TopologicalGraph::new(1, 3), None, "")
         .expect_err("a file is no folder");
     assert!(error.to_string().contains("graph.svg"), "{error}");
+    let cause = std::error::Error::source(&error);
+    assert!(cause.is_some_and(|e| e.is::<std::io::Error>()), "{error:?}");
 }
 
 #[test]

@@ -124,6 +124,9 @@ fn manifests_that_cannot_be_used_say_why() {
     let newer = text.replace("\"format_version\": 1", "\"format_version\": 2");
     assert!(error_of(newer).contains("version 2"));
     assert!(error_of(text.replace("\"d_max\": 5,", "\"d_max\": ,")).contains("at line "));
+    let error = load_graph(root.path()).unwrap_err();
+    let cause = std::error::Error::source(&error).expect("what serde said");
+    assert!(cause.is::<serde_json::Error>(), "{cause}");
     assert!(error_of(text.replace("\"node_count\": 20", "\"node_count\": 21")).contains("says 21"));
     assert!(error_of(text.replace("\"d_max\": 5", "\"d_max\": 6")).contains("'probabilities'"));
 }

@@ -38,10 +38,11 @@ pub(super) fn read_frames(
         return Ok(None);
     };
     let path = wanted.root.join(&wanted.part.path);
-    let fault = |reason: String| StorageError::Video {
+    let fault = |reason: String, source| StorageError::Video {
         path: path.clone(),
         camera: wanted.camera.to_owned(),
         reason,
+        source,
     };
     std::fs::metadata(&path).map_err(|e| missing(&path, e))?;
     let mut program = command(&path, wanted.part.from_secs, wanted.fps, last + 1);
@@ -50,8 +51,9 @@ pub(super) fn read_frames(
             "there is no program `ffmpeg` on the PATH to read it with: install ffmpeg, or have the dataset \
              written with images instead of videos"
                 .to_owned(),
+            None,
         ),
-        _ => fault(format!("ffmpeg cannot be started: {e}")),
+        _ => fault(format!("ffmpeg cannot be started: {e}"), Some(e)),
     })?;
     let stdout = child.stdout.take();
     let complaints = child
@@ -85,9 +87,8 @@ pub(super) fn read_frames(
     let said = complaints.and_then(|c| c.join().ok()).unwrap_or_default();
     if was_slow {
         let secs = PATIENCE.as_secs();
-        return Err(fault(format!(
-            "nothing came of it for {secs} s: is the file whole?"
-        )));
+        let reason = format!("nothing came of it for {secs} s: is the file whole?");
+        return Err(fault(reason, None));
     }
     if frames.peek().is_none() {
         return Ok(None);
@@ -99,9 +100,8 @@ pub(super) fn read_frames(
         } else {
             said
         };
-        return Err(fault(format!(
-            "no frame of it can be read: {said}. Fetch or write the file again"
-        )));
+        let reason = format!("no frame of it can be read: {said}. Fetch or write the file again");
+        return Err(fault(reason, None));
     }
     Ok(Some(
         format!("the video ends after {number} frames. {said}")
