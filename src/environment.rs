@@ -6,6 +6,7 @@ use crate::trajectory::{Action, ActionSpace, CameraSpec, Observation};
 
 /// Why a robot could not be reset or could not act.
 #[derive(Debug, Error, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum EnvironmentError {
     /// The action does not fit the robot.
     #[error("the robot cannot do {action}: {reason}")]

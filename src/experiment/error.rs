@@ -7,6 +7,7 @@ use crate::planner::PlannerError;
 
 /// Why a measurement could not be made.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum ExperimentError {
     /// A recording of another robot than the simulated one, or of another action space.
     #[error(

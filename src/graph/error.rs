@@ -4,6 +4,7 @@ use crate::model::ModelError;
 
 /// Why a graph could not be built or merged.
 #[derive(Debug, Error, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum GraphError {
     /// The model gave no answer.
     #[error(transparent)]

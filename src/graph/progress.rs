@@ -1,5 +1,6 @@
 /// What a long piece of work on a graph is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum GraphPhase {
     /// States become latents; counted in states.
     Encode,

@@ -9,6 +9,7 @@ use crate::task::{Region, Subgoal};
 
 /// Why a region has no states in a graph.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum RegionError {
     /// The graph has no such demonstration of the task.
     #[error("the graph has no demonstration '{demonstration}' of task '{task}'; there are {known}")]

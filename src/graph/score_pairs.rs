@@ -70,6 +70,7 @@ impl EdgeSink for JoinedEdges {
 
 /// Why pairs could not be scored, or their edges not be kept.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum ScoreError<E> {
     /// The model gave no answer.
     #[error(transparent)]

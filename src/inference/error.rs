@@ -7,6 +7,7 @@ use crate::model::ManifestError;
 
 /// Why no engine or no model could be had.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum InferenceError {
     /// A file of the model cannot be read.
     #[error("cannot read {path}: {source}; a model folder is written by `catena train`")]

@@ -2,6 +2,7 @@ use thiserror::Error;
 
 /// Why a model gave no answer.
 #[derive(Debug, Error, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum ModelError {
     /// An observation lacks a camera that the model was trained with.
     #[error(

@@ -27,6 +27,7 @@ pub const LANDMARKS_FILE: &str = "landmarks.json";
 
 /// Why a manifest was refused, or a file beside it.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum ManifestError {
     /// The text is no manifest.
     #[error("this is no model manifest: {source}")]

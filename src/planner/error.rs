@@ -2,6 +2,7 @@ use thiserror::Error;
 
 /// Why nothing can be planned on a graph.
 #[derive(Debug, Error, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum PlannerError {
     /// The composition names no task.
     #[error("the composition has no task")]

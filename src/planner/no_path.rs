@@ -13,6 +13,7 @@ type StartsAvoiding<'a> = &'a dyn Fn(&HashMap<NodeId, usize>) -> Vec<PlaceId>;
 
 /// The place where a route breaks off that would be easiest to mend.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Gap {
     /// An edge is there but may not be planned: too improbable for its cost, or too long a leap.
     Edge {

@@ -11,6 +11,7 @@ use crate::model::{GraspSight, most_probable};
 
 /// What became of the stage in a step.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum StageChange {
     /// The subgoals up to this stage are reached, each one seen.
     Advanced {

@@ -5,6 +5,7 @@ use super::{Event, StepTimes};
 /// Why a run ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum EpisodeEnd {
     /// All subgoals are seen to be reached, and the robot is at a final state or has settled.
     Finished,

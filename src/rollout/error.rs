@@ -9,6 +9,7 @@ use crate::trajectory::{ActionSpace, TrajectoryError, told_apart};
 /// Why a run broke off. That a plan does not exist, or that time ran out, is no error but an
 /// [`EpisodeEnd`](super::EpisodeEnd).
 #[derive(Debug, Error, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum RolloutError {
     /// The robot failed or refused an action.
     #[error("step {step}: {source}")]

@@ -7,6 +7,7 @@ use crate::task::Subgoal;
 /// Something worth telling that happened during a run, seen from images and actions alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "event")]
+#[non_exhaustive]
 pub enum Event {
     /// The subgoal that was due is seen to be reached.
     SubgoalReached {

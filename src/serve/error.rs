@@ -5,6 +5,7 @@ use thiserror::Error;
 
 /// Why a server does not come up.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum ServeError {
     /// Another program has the port, or the address is not this machine's.
     #[error("cannot listen on {address}: {reason}; another port is taken with --bind {}", SocketAddr::new(.address.ip(), 0))]

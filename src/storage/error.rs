@@ -7,6 +7,7 @@ use crate::trajectory::TrajectoryError;
 
 /// Why a recording or a graph folder could not be read or written.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum StorageError {
     /// The operating system refused.
     #[error("cannot {doing} {path}: {source}", path = path.display())]

@@ -87,6 +87,7 @@ pub struct TopicReport {
 /// Something of a recording that could not be read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "kind")]
+#[non_exhaustive]
 pub enum Loss {
     /// The file ends in the middle of a record or without its footer.
     CutOff {

@@ -4,6 +4,7 @@ use super::{GripperEvent, Occurrence};
 
 /// Why subgoals cannot be found in a demonstration.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum TaskError {
     /// The demonstration has no step, so nothing can be reached in it.
     #[error("demonstration '{trajectory}' of task '{task}' has no steps")]

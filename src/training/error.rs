@@ -7,6 +7,7 @@ use crate::trajectory::TrajectoryError;
 
 /// Why a training or an export did not come to its end.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum TrainingError {
     /// Fewer than two demonstrations: none could be held out.
     #[error(

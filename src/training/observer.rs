@@ -21,6 +21,7 @@ pub struct StepLosses {
 
 /// What happens during a training.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum TrainingEvent {
     /// The data are laid out and training begins or goes on.
     Started {

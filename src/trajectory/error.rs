@@ -2,6 +2,7 @@ use thiserror::Error;
 
 /// What can be wrong with images, actions and trajectories in memory.
 #[derive(Debug, Error, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum TrajectoryError {
     /// The pixel buffer does not hold `height * width * 3` bytes.
     #[error("an RGB image of {height}x{width} needs {expected} bytes, the buffer has {found}")]

@@ -5,6 +5,7 @@ use thiserror::Error;
 
 /// Why a picture or a recording could not be written.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum ViewError {
     /// The file could not be created, written or renamed.
     #[error("cannot write {path}: {source}")]

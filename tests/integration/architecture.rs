@@ -173,3 +173,26 @@ fn no_mod_rs_and_no_catch_all_rooms() {
         }
     }
 }
+
+#[test]
+fn errors_may_grow() {
+    let mut faults = Vec::new();
+    for (_, file, lines) in sources() {
+        for (at, line) in lines.iter().enumerate() {
+            let is_error = |name: &&str| name.ends_with("Error");
+            let Some(name) = names_after(line, "pub enum ").into_iter().find(is_error) else {
+                continue;
+            };
+            let above = lines[..at].iter().rev().map(|l| l.trim());
+            let mut attributes = above.take_while(|l| l.is_empty() || l.starts_with('#'));
+            if !attributes.any(|l| l == "#[non_exhaustive]") {
+                faults.push(format!("{file}:{}: {name}", at + 1));
+            }
+        }
+    }
+    assert!(
+        faults.is_empty(),
+        "errors without #[non_exhaustive], to which nothing can be added:\n{}",
+        faults.join("\n")
+    );
+}
