@@ -27,7 +27,7 @@ use crate::model::LANDMARK_VALUES;
 use crate::training::encodings::beside_each_other;
 use crate::training::masks::HeadMasks;
 
-/// Encoders of all cameras and the two heads.
+/// Encoders of all cameras and the two heads. A training makes one, and [`TrainedModel`](super::TrainedModel) holds it.
 ///
 /// What is computed once a state are its *latents*: what the encoders make of it, or, where two states are
 /// joined in their pixels, what their first layers make of it as the state that is left and as the one that
@@ -78,7 +78,7 @@ pub struct PairMasks<'a> {
 impl LatentFlowNetwork {
     /// A network with random weights: the same seed gives the same weights.
     #[must_use]
-    pub fn new(
+    pub(super) fn new(
         grids: &[PatchGrid],
         config: &NetworkConfig,
         sizes: OutputSizes,
@@ -115,7 +115,7 @@ impl LatentFlowNetwork {
 
     /// One of the heads.
     #[must_use]
-    pub fn head(&self, kind: HeadKind) -> &FlowHead {
+    pub(super) fn head(&self, kind: HeadKind) -> &FlowHead {
         match kind {
             HeadKind::Traversability => &self.traversability,
             HeadKind::Policy => &self.policy,
@@ -218,7 +218,7 @@ impl LatentFlowNetwork {
     /// What each state brings to a pair when it is left, and when it is to be reached: `[states, width]`
     /// twice, from latents.
     #[must_use]
-    pub fn project(&self, head: HeadKind, latents: Tensor<2>) -> (Tensor<2>, Tensor<2>) {
+    pub(super) fn project(&self, head: HeadKind, latents: Tensor<2>) -> (Tensor<2>, Tensor<2>) {
         if !self.joins_pixels() {
             return self.head(head).project(latents);
         }
@@ -231,7 +231,7 @@ impl LatentFlowNetwork {
 
     /// Logits `[pairs, outputs]` of pairs of projections.
     #[must_use]
-    pub fn score(
+    pub(super) fn score(
         &self,
         head: HeadKind,
         from: Tensor<2>,

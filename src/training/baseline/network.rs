@@ -12,7 +12,8 @@ use crate::training::encodings::Encodings;
 use crate::training::network::{CameraEncoder, Initialiser};
 use crate::training::patches::PatchGrid;
 
-/// The network of a baseline: the encoders of all cameras, if they are trained, and the policy.
+/// The network of a baseline: the encoders of all cameras, if they are trained, and the policy. A training makes one,
+/// and [`TrainedBaseline`](super::TrainedBaseline) holds it.
 #[derive(Module, Debug)]
 pub struct BaselineNetwork {
     /// Of BC and BC-RNN, one a camera.
@@ -38,7 +39,7 @@ impl BaselineNetwork {
     /// A network with the random weights of the configuration's seed. `grids` are those of the cameras, and
     /// not looked at for a frozen encoder.
     #[must_use]
-    pub fn new(
+    pub(super) fn new(
         grids: &[PatchGrid],
         spec: &BaselineSpec,
         config: &BaselineConfig,
