@@ -51,7 +51,7 @@ pub struct StageExplained {
 pub struct OrdersExplained {
     /// How many ways lead through the automaton.
     pub way_count: u64,
-    /// How many different orders were planned for this explanation; not more than 64.
+    /// How many different orders were planned for this explanation, the chosen one included; not more than 64.
     pub planned: usize,
     /// How many of these connect.
     pub connected: usize,

@@ -2,7 +2,7 @@ use super::{OrderExplained, OrdersExplained};
 use crate::planner::{Plan, Planner};
 use crate::task::{Automaton, OrderAutomaton, Task};
 
-/// Most orders that are planned to be compared.
+/// Most orders that are planned to be compared, the chosen one included.
 const PLANNED: usize = 64;
 /// Most that are listed.
 const LISTED: usize = 6;
@@ -20,6 +20,7 @@ pub(super) fn explain(
         .orders_ending_with(final_task, PLANNED)
         .into_iter()
         .filter(|order| !order.is_empty() && order != chosen)
+        .take(PLANNED - 1)
         .map(|order| {
             let plan = plan_in(planner, tasks, &order);
             OrderExplained {
