@@ -6,8 +6,8 @@ use super::arguments::{Arguments, ComposeArguments};
 use super::error::CliError;
 use super::graph::results_folder;
 use super::loaded::{Loaded, tell_warnings};
-use crate::graph::{EdgeKind, NodeId, TopologicalGraph};
-use crate::planner::{Audit, EdgeCost, Explanation, Plan, Planner};
+use crate::graph::{EdgeKind, TopologicalGraph};
+use crate::planner::{Audit, Explanation, Plan, Planner};
 use crate::task::OrderAutomaton;
 use crate::view::write_automaton_svg;
 use crate::wording::counted;
@@ -124,8 +124,8 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
     }
     let mut task = "";
     let route = &planned.plan.route;
-    let steps = steps_along(graph, &planned.planner.options().cost, route);
-    for (i, (id, step)) in route.iter().zip(steps).enumerate() {
+    let arrivals = &planned.plan.arrival_steps;
+    for (i, (id, step)) in route.iter().zip(arrivals).enumerate() {
         let node = graph.node(*id);
         // A task that is done again is entered by an edge between tasks too.
         let before = i
@@ -194,19 +194,6 @@ fn limit_note(steps: u32, limit: u32) -> String {
     )
 }
 
-/// After how many predicted steps each state of a route is reached: a predicted edge may take several.
-fn steps_along(graph: &TopologicalGraph, cost: &EdgeCost, route: &[NodeId]) -> Vec<u32> {
-    let mut steps = 0;
-    let mut along = vec![0];
-    for pair in route.windows(2) {
-        let edge = graph.edge(pair[0], pair[1]);
-        let price = edge.and_then(|edge| cost.price_edge(edge));
-        steps += price.map_or(0, |price| price.steps);
-        along.push(steps);
-    }
-    along
-}
-
 /// An order of several, and by what it was chosen.
 fn described_order(tasks: &[String], orders: &OrderAutomaton, not_done: &[&str]) -> String {
     let ways = orders.way_count();
@@ -271,23 +258,7 @@ fn explain(loaded: &Loaded, planner: &Planner) -> Result<Explanation, CliError> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::graph::Edge;
-    use crate::graph::fakes::{add_demonstration, task as demonstrated};
     use crate::task::Order;
-
-    #[test]
-    fn predicted_edges_of_several_steps_count_as_so_many() {
-        let walk = demonstrated("walk", &["there"]);
-        let mut graph = TopologicalGraph::new(1, 5);
-        let places: Vec<Vec<f32>> = (0..4).map(|x| vec![x as f32]).collect();
-        let [first, second] =
-            ["w0", "w1"].map(|id| add_demonstration(&mut graph, &walk, id, &places, &[3]));
-        let three_steps = Edge::predicted(EdgeKind::Learned, &[0.0, 0.0, 0.9, 0.0, 0.1]);
-        graph.add_edge(first[1], second[2], three_steps);
-        let route = [first[0], first[1], second[2], second[3]];
-        let cost = EdgeCost::RiskAverse { lambda: 3.0 };
-        assert_eq!(steps_along(&graph, &cost, &route), [0, 1, 4, 5]);
-    }
 
     #[test]
     fn a_plan_that_no_run_gets_through_is_told() {

@@ -173,7 +173,7 @@ impl Explanation {
         Ok(Self {
             stages: stages(planner),
             orders: orders::explain(planner, &plan, orders, tasks, final_task),
-            parts: parts::parts(planner, &trip),
+            parts: parts::parts(planner, &plan, &trip),
             odds: trip.odds(planner),
             ends: ends::ends(planner, &trip),
         })

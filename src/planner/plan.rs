@@ -21,9 +21,12 @@ pub struct Plan {
     pub route: Vec<NodeId>,
     /// For each of them, how many subgoals of the composition hold there.
     pub stages: Vec<usize>,
+    /// For each of them, after how many predicted time steps it is reached: 0 for the first one. A predicted edge may
+    /// take several.
+    pub arrival_steps: Vec<u32>,
     /// The cost of all its edges.
     pub cost: f64,
-    /// Predicted time steps.
+    /// Predicted time steps of the whole route.
     pub steps: u32,
     /// Whether its first state only leads into the composition: the end of the task after which the robot
     /// [starts](Start::After), at which nothing is done yet even where that task is to be done, too.
@@ -64,6 +67,7 @@ pub struct Plan {
 /// )?;
 /// let plan = planner.plan_from_start()?;
 /// assert_eq!(plan.route, [NodeId(0), NodeId(1), NodeId(2)]);
+/// assert_eq!(plan.arrival_steps, [0, 1, 2]);
 /// assert!(planner.audit(&plan).is_clean());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -218,6 +222,10 @@ impl Planner {
         if let Some(before) = source.before {
             plan.route.insert(0, before);
             plan.stages.insert(0, 0);
+            for steps in &mut plan.arrival_steps {
+                *steps += source.steps;
+            }
+            plan.arrival_steps.insert(0, 0);
             plan.cost += source.cost;
             plan.steps += source.steps;
             plan.begins_before = true;
@@ -270,14 +278,19 @@ impl Planner {
 
     fn plan_at(&self, start: PlaceId) -> Plan {
         let places = self.places_to_goal(start);
-        let steps = places
+        let roads = places
             .iter()
-            .filter_map(|p| self.costs.next(&self.roads, *p))
-            .map(|r| r.steps)
-            .sum();
+            .filter_map(|p| self.costs.next(&self.roads, *p));
+        let mut steps = 0;
+        let mut arrival_steps = vec![steps];
+        for road in roads {
+            steps += road.steps;
+            arrival_steps.push(steps);
+        }
         Plan {
             route: places.iter().map(|p| self.layout.place(*p).node).collect(),
             stages: places.iter().map(|p| self.layout.place(*p).stage).collect(),
+            arrival_steps,
             cost: self.costs.cost(start).unwrap_or(f64::INFINITY),
             steps,
             begins_before: false,

@@ -17,7 +17,6 @@ struct Hop {
     /// The stage that is entered.
     stage: usize,
     cost: f64,
-    steps: u32,
     kind: EdgeKind,
 }
 
@@ -33,7 +32,6 @@ impl Trip {
                 to: node(source.place),
                 stage: planner.layout.place(source.place).stage,
                 cost: source.cost,
-                steps: source.steps,
                 kind: EdgeKind::CrossTask,
             });
         }
@@ -44,7 +42,6 @@ impl Trip {
                     to: node(PlaceId(road.to)),
                     stage: planner.layout.place(PlaceId(road.to)).stage,
                     cost: road.cost,
-                    steps: road.steps,
                     kind: road.kind,
                 });
             }
@@ -96,7 +93,7 @@ pub(super) fn probability(
 }
 
 /// The plan subgoal by subgoal.
-pub(super) fn parts(planner: &Planner, trip: &Trip) -> Vec<PlanPart> {
+pub(super) fn parts(planner: &Planner, plan: &Plan, trip: &Trip) -> Vec<PlanPart> {
     let state = |node: NodeId| planner.graph.node(node).place();
     let Some(first) = trip.places.first().map(|p| *planner.layout.place(*p)) else {
         return Vec::new();
@@ -113,6 +110,8 @@ pub(super) fn parts(planner: &Planner, trip: &Trip) -> Vec<PlanPart> {
         at = subgoals.len();
     }
     let mut parts = Vec::new();
+    // How many hops are behind.
+    let mut passed = 0;
     let begun = at;
     for due in begun..=subgoals.len() {
         let subgoal = subgoals.get(due);
@@ -128,17 +127,19 @@ pub(super) fn parts(planner: &Planner, trip: &Trip) -> Vec<PlanPart> {
             probability: 1.0,
             predicted_edges: 0,
         };
+        let left_at = plan.arrival_steps[passed];
         // A subgoal is reached by the edge into its stage; several may be reached by one.
         while at <= due
             && let Some(hop) = hops.next()
         {
-            part.steps += hop.steps;
+            passed += 1;
             part.cost += hop.cost;
             part.probability *= hop.probability(&planner.graph);
             part.predicted_edges += usize::from(hop.kind != EdgeKind::Temporal);
             (here, at) = (hop.to, hop.stage.max(at));
         }
         part.to = state(here);
+        part.steps = plan.arrival_steps[passed] - left_at;
         parts.push(part);
     }
     // Where the last subgoal is the final state, nothing leads on from it.

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::corridor::{automaton, learned, merged, node_at, tasks};
+use crate::graph::fakes::{add_demonstration, task};
 use crate::graph::{EdgeKind, PruneOptions, TopologicalGraph, prune};
 use crate::planner::{
     EdgeChoice, FinalChoice, Gap, Layout, Planner, PlannerError, PlannerOptions, Search,
@@ -43,6 +44,34 @@ fn plan_walks_both_tasks_in_order() {
         (Some(&0), Some(&4))
     );
     assert!((36..=40).contains(&plan.steps), "{}", plan.steps);
+}
+
+#[test]
+fn what_lies_behind_an_edge_of_several_steps_is_reached_so_much_later() {
+    let order = [task("walk", &["there"]), task("rest", &["done"])];
+    let mut graph = TopologicalGraph::new(1, 5);
+    let [walk, rest] = [("w0", 0.0), ("r0", 4.0)].map(|(id, start)| {
+        let task = &order[usize::from(id == "r0")];
+        add_demonstration(
+            &mut graph,
+            task,
+            id,
+            &[vec![start], vec![start + 1.0]],
+            &[1],
+        )
+    });
+    let seam = learned(EdgeKind::CrossTask, 3, 0.9);
+    graph.add_edge(walk[1], rest[0], seam);
+    let automaton = Automaton::in_order(&order);
+    let options = PlannerOptions::default();
+    let planner = Planner::new(Arc::new(graph), &automaton, &FinalChoice::Cheapest, options);
+    let planner = planner.expect("both tasks are there");
+    let plan = planner.plan_from_start().expect("the seam leads over");
+    assert_eq!(plan.route, [walk[0], walk[1], rest[0], rest[1]]);
+    assert_eq!(
+        (&plan.arrival_steps[..], plan.steps),
+        (&[0, 1, 4, 5][..], 5)
+    );
 }
 
 #[test]

@@ -9,8 +9,8 @@ use super::corridor::{automaton, learned, merged, node_at, seen_from, tasks};
 use super::worlds::{free_options, random_world, somewhere};
 use crate::graph::{EdgeKind, NodeId, TopologicalGraph, mark_subgoal, states_in};
 use crate::planner::{
-    AvoidedRegion, EdgeChoice, Explanation, FilterOptions, FinalChoice, Gap, Planner, PlannerError,
-    PlannerOptions, Search, Start, Terms, settle_order,
+    AvoidedRegion, EdgeChoice, Explanation, FilterOptions, FinalChoice, Gap, Plan, Planner,
+    PlannerError, PlannerOptions, Search, Start, Terms, settle_order,
 };
 use crate::task::{Automaton, Order, OrderAutomaton, Region, Subgoal, Task};
 
@@ -41,6 +41,21 @@ fn starting(start: Start) -> Terms {
 fn corridor_planner(terms: Terms) -> Planner {
     Planner::new(Arc::new(merged()), &automaton(), terms, options())
         .expect("the corridor has both tasks")
+}
+
+/// After how many steps each state of a plan is reached, by its edges one after the other.
+fn arrivals(planner: &Planner, plan: &Plan) -> Vec<u32> {
+    let mut steps = 0;
+    let beyond = plan.route.windows(2).map(|pair| {
+        let edge = planner.graph().edge(pair[0], pair[1]);
+        let price = planner
+            .options()
+            .cost
+            .price_edge(edge.expect("a plan follows edges"));
+        steps += price.expect("it is planned").steps;
+        steps
+    });
+    [0].into_iter().chain(beyond).collect()
 }
 
 /// All states of a task of the corridor at a step of their demonstrations.
@@ -126,6 +141,8 @@ proptest! {
         let holds: f64 = explained.parts.iter().map(|p| p.probability).product();
         prop_assert!((cost - plan.cost).abs() < 1e-6, "{} for {}", cost, plan.cost);
         prop_assert_eq!(steps, plan.steps);
+        prop_assert_eq!(&plan.arrival_steps, &arrivals(&planner, &plan));
+        prop_assert_eq!(plan.arrival_steps.last(), Some(&plan.steps));
         prop_assert!((holds - explained.odds.probability).abs() < 1e-9);
         for ends in &explained.ends {
             let chosen: Vec<_> = ends.candidates.iter().filter(|c| c.is_chosen).collect();
@@ -344,6 +361,8 @@ fn a_plan_after_another_task_begins_at_its_end() {
         "{first:?} {next:?}"
     );
     assert!(planner.audit(&plan).is_clean());
+    assert_eq!(plan.arrival_steps, arrivals(&planner, &plan));
+    assert_eq!(plan.arrival_steps.last(), Some(&plan.steps));
     let alone = Planner::new(graph.clone(), &second, &FinalChoice::Cheapest, options());
     let alone = alone
         .expect("b is there")
