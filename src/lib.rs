@@ -9,7 +9,8 @@
 //! A composition of tasks, planned on the graphs of its tasks and run closed-loop. Your own robot is another
 //! [`environment::Environment`], networks of your own are other implementations of the traits in [`model`].
 //!
-//! ```no_run
+#![cfg_attr(feature = "simulator", doc = "```no_run")]
+#![cfg_attr(not(feature = "simulator"), doc = "```ignore")]
 //! use std::path::Path;
 //! use std::sync::Arc;
 //!

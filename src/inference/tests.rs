@@ -1,9 +1,12 @@
 //! A model of four networks so small that their results can be worked out by hand.
 
+#[cfg(feature = "train")]
 mod agreement;
+#[cfg(feature = "train")]
 mod baselines;
 mod fixture;
 mod onnx;
+#[cfg(feature = "train")]
 mod trained;
 
 use fixture::{DIM, TEMPERATURE, grey_state, model_folder};

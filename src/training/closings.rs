@@ -90,6 +90,7 @@ fn states((trajectory, steps): &Steps) -> impl Iterator<Item = StateRef> + use<>
 }
 
 #[cfg(test)]
+#[cfg(feature = "simulator")]
 mod tests {
     use rand_chacha::rand_core::SeedableRng;
 

@@ -1,10 +1,17 @@
-//! All integration tests in one binary, so that the dependencies are linked once.
+//! All integration tests in one binary, so that the dependencies are linked once. Those that call the command wait for
+//! its feature.
 
 mod architecture;
+#[cfg(feature = "cli")]
 mod bad_input;
+#[cfg(feature = "cli")]
 mod broken_graphs;
+#[cfg(feature = "cli")]
 mod command;
 mod diagnostics;
+#[cfg(feature = "cli")]
 mod language;
+#[cfg(feature = "cli")]
 mod schemas;
+#[cfg(feature = "cli")]
 mod training;

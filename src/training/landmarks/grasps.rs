@@ -233,6 +233,7 @@ fn moments(rows: &[Vec<f32>]) -> (Vec<f32>, Vec<f32>) {
 }
 
 #[cfg(test)]
+#[cfg(feature = "simulator")]
 mod tests {
     use super::*;
     use crate::inference::{EngineChoice, Model};
