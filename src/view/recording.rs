@@ -1,6 +1,7 @@
 //! A rollout as a Rerun recording: what the robot sees, where in the graph it is, what it plans and
 //! how sure it is.
 
+mod labels;
 mod layout;
 mod map;
 mod panels;

@@ -28,7 +28,7 @@ pub(super) fn blueprint(scene: &RolloutScene<'_>) -> Blueprint {
             .into(),
         TextLogView::new("events").with_origin("/events").into(),
     ])
-    .with_row_shares([4.2, 1.9, 1.5]);
+    .with_row_shares([4.2, 1.9, 1.7]);
 
     let cameras: Vec<ContainerLike> = scene
         .cameras

@@ -1,5 +1,6 @@
 use ::rerun::{AsComponents, Color, LineStrips2D, Points2D, Radius};
 
+use super::labels::Labels;
 use super::{RolloutScene, StepView};
 use crate::graph::{EdgeKind, NodeId, TopologicalGraph};
 use crate::view::layout::{Frame, GraphLayout, least_width};
@@ -13,9 +14,6 @@ const CURVE_POINTS: usize = 20;
 const LEAST_WIDTH: f32 = 1600.0;
 const HEIGHT: f32 = 640.0;
 const GAP: f32 = 180.0;
-/// Above the rows: the names of the tasks, and below those the names of the subgoals.
-const NAME_Y: f32 = -130.0;
-const LABEL_Y: f32 = -62.0;
 const WHITE: Rgb = Rgb(255, 255, 255);
 /// The viewer's background: lines that stand back are mixed with it.
 const BACKGROUND: Rgb = Rgb(13, 16, 17);
@@ -25,6 +23,7 @@ type Logged = Box<dyn AsComponents>;
 /// The merged graph with the robot in it.
 pub(super) struct Map {
     layout: GraphLayout,
+    labels: Labels,
     trail: Vec<NodeId>,
     path: Option<Vec<NodeId>>,
 }
@@ -34,8 +33,10 @@ impl Map {
         let layout =
             |row_height| GraphLayout::new(scene.graph, scene.route, frame(scene.graph, row_height));
         let draft = layout(1.0);
+        let layout = layout(HEIGHT / draft.bottom.max(1.0));
         Self {
-            layout: layout(HEIGHT / draft.bottom.max(1.0)),
+            labels: Labels::new(&layout, frame(scene.graph, 1.0).width),
+            layout,
             trail: Vec::new(),
             path: None,
         }
@@ -46,6 +47,7 @@ impl Map {
         let mut scene = vec![
             ("graph/edges/learned".to_owned(), self.learned(graph)),
             ("graph/edges/cross_task".to_owned(), self.cross_task(graph)),
+            ("graph/margin".to_owned(), self.margin()),
         ];
         for (index, block) in self.layout.blocks.iter().enumerate() {
             let colour = palette::task(index);
@@ -63,7 +65,7 @@ impl Map {
             scene.push((at("states"), self.states(graph, index)));
             scene.push((at("subgoals"), self.subgoals(index)));
             scene.push((at("subgoal_names"), self.subgoal_names(index)));
-            let name = Points2D::new([[block.x, NAME_Y]])
+            let name = Points2D::new([[block.x, self.labels.tasks_y]])
                 .with_labels([block.task.as_str()])
                 .with_show_labels(true)
                 .with_colors([solid(colour)])
@@ -145,10 +147,9 @@ impl Map {
     }
 
     fn subgoals(&self, block: usize) -> Logged {
-        let columns = &self.layout.blocks[block].columns;
-        let lines = columns
-            .iter()
-            .map(|c| [[c.x, LABEL_Y], [c.x, self.layout.bottom]]);
+        let lines = self
+            .subgoal_places(block)
+            .map(|[x, y]| [[x, y], [x, self.layout.bottom]]);
         Box::new(
             LineStrips2D::new(lines)
                 .with_colors([solid(palette::task(block).mixed(BACKGROUND, 0.3))])
@@ -161,11 +162,26 @@ impl Map {
     fn subgoal_names(&self, block: usize) -> Logged {
         let columns = &self.layout.blocks[block].columns;
         Box::new(
-            Points2D::new(columns.iter().map(|c| [c.x, LABEL_Y]))
+            Points2D::new(self.subgoal_places(block))
                 .with_labels(columns.iter().map(|c| c.subgoal.as_str()))
                 .with_show_labels(true)
                 .with_colors([solid(palette::task(block).mixed(WHITE, 0.3))])
                 .with_radii([Radius::new_ui_points(2.0)]),
+        )
+    }
+
+    fn subgoal_places(&self, block: usize) -> impl Iterator<Item = [f32; 2]> {
+        let columns = self.layout.blocks[block].columns.iter();
+        let heights = self.labels.subgoals_y(block).iter();
+        columns.zip(heights).map(|(column, y)| [column.x, *y])
+    }
+
+    /// Two points that nobody sees: the viewer shows as much as all points need, and forgets their names.
+    fn margin(&self) -> Logged {
+        Box::new(
+            Points2D::new(self.labels.corners(&self.layout))
+                .with_colors([solid(BACKGROUND)])
+                .with_radii([Radius::new_ui_points(0.1)]),
         )
     }
 

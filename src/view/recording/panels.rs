@@ -49,7 +49,7 @@ pub(super) fn plan(scene: &RolloutScene<'_>, view: &StepView<'_>) -> String {
     text.push_str(&place("here", view.current, "lost"));
     text.push_str(&place("goal", view.goal_node, "none"));
     text.push_str(&place("final state", view.path.last().copied(), "no path"));
-    let _ = write!(text, "**path**  {}", counted(view.path.len(), "node"));
+    let _ = write!(text, "**path**  {}", counted(view.path.len(), "state"));
     if let Some(cost) = view.cost_to_go_steps {
         let _ = write!(text, ", cost {cost:.1} steps");
     }
