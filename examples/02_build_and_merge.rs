@@ -15,7 +15,7 @@ use catena::graph::{
 use catena::inference::{EngineChoice, Model};
 use catena::storage::load_demonstrations;
 use catena::task::Subgoal;
-use catena::training::{Preset, SilentObserver, export, train};
+use catena::training::{Preset, RunFolder, SilentObserver, export, train};
 use catena::trajectory::DemonstrationSet;
 
 const TASKS: [&str; 2] = [
@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let report = train(
         &sets,
         &Preset::Tiny.config(),
-        &work.path().join("run"),
+        &RunFolder::open(&work.path().join("run"))?,
         &mut SilentObserver,
     )?;
     export(&report.model, BTreeMap::new(), &work.path().join("model"))?;

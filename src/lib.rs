@@ -78,6 +78,7 @@ pub mod environment;
 pub mod experiment;
 pub mod graph;
 pub mod inference;
+mod lock;
 pub mod model;
 pub mod planner;
 pub mod rollout;

@@ -39,6 +39,7 @@ mod observer;
 mod patches;
 mod preset;
 mod reference;
+mod run_folder;
 mod sampler;
 mod schedule;
 #[cfg(test)]
@@ -67,6 +68,7 @@ pub use normalisation::ChannelNormalisation;
 pub use observer::{SilentObserver, StepLosses, TrainingEvent, TrainingObserver};
 pub use preset::Preset;
 pub use reference::ReferenceOutputs;
+pub use run_folder::RunFolder;
 pub use trained_model::TrainedModel;
 pub use trainer::{TrainingReport, train, train_on};
 pub use variant::NetworkVariant;

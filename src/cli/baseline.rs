@@ -59,8 +59,8 @@ pub(super) fn train_method(
             encoder.engine().name(),
         );
     }
-    if !run_folder.join(CHECKPOINT).exists() {
-        write_run(&run_folder, &config, config.seed, &digests)?;
+    if !run_folder.path().join(CHECKPOINT).exists() {
+        write_run(run_folder.path(), &config, config.seed, &digests)?;
     }
     let mut printer = Printer {
         bar: progress::bar("training", config.steps),
@@ -70,7 +70,7 @@ pub(super) fn train_method(
         .map(|encoder| encoder as &dyn FeatureEncoder);
     let report = train_baseline(&sets, &config, frozen, &run_folder, &mut printer)?;
     printer.bar.finish_and_clear();
-    tell_ended(report.states_per_sec, &run_folder);
+    tell_ended(report.states_per_sec, run_folder.path());
     let manifest = export_baseline(&report.baseline, digests, &arguments.out)?;
     println!(
         "{} steps in {:.0} s ({:.0} states/s); best after step {}: held-out loss {:.3}, {:.1} % of actions \

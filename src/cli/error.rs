@@ -242,6 +242,16 @@ pub(super) enum CliError {
         /// How many are needed.
         wanted: usize,
     },
+    /// Another process makes the same.
+    #[error(
+        "another experiment makes the same in {}: wait until it is done and call this one again, what is finished is kept; \
+         or name another folder with --work",
+        folder.display()
+    )]
+    ExperimentAtWork {
+        /// Where.
+        folder: PathBuf,
+    },
     /// A command of an experiment failed; what it printed says why.
     #[error(
         "this step of the experiment failed ({status}); mend it and call the experiment again, what is finished \
@@ -254,14 +264,6 @@ pub(super) enum CliError {
         status: String,
         /// What it said where that was not shown already.
         said: String,
-    },
-    /// A run folder cannot be made.
-    #[error("cannot create the run folder {}: {source}", run.display())]
-    RunFolder {
-        /// The folder.
-        run: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
     },
     /// A frozen encoder without the baseline that wants one.
     #[error(

@@ -4,6 +4,7 @@ mod chaining;
 mod commands;
 mod figure5;
 mod figure6;
+mod hold;
 mod ingredients;
 mod method;
 mod plan;

@@ -12,7 +12,7 @@ use super::error::CliError;
 use super::progress;
 use super::training_config::{training_config, write_run, written_config};
 use crate::inference::Model;
-use crate::training::{FinishedModel, GripperPractice, Practised, export, train as fit};
+use crate::training::{FinishedModel, GripperPractice, Practised, RunFolder, export, train as fit};
 use crate::trajectory::DemonstrationSet;
 use crate::wording::counted;
 use place::check_model_place;
@@ -47,15 +47,15 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
     if !runs.is_empty() {
         practice.check(&config)?;
     }
-    if !run_folder.join(CHECKPOINT).exists() {
-        write_run(&run_folder, &config, config.seed, &digests)?;
+    if !run_folder.path().join(CHECKPOINT).exists() {
+        write_run(run_folder.path(), &config, config.seed, &digests)?;
     }
     let mut printer = Printer {
         bar: progress::bar("training", config.steps),
     };
     let mut report = fit(&sets, &config, &run_folder, &mut printer)?;
     printer.bar.finish_and_clear();
-    tell_ended(report.states_per_sec, &run_folder);
+    tell_ended(report.states_per_sec, run_folder.path());
     if !runs.is_empty() {
         say_practised(practice.teach(&config, report.model.landmarks.as_mut())?);
     }
@@ -141,33 +141,13 @@ pub(super) struct Prepared {
     pub(super) sets: Vec<DemonstrationSet>,
     /// Digests of the sets by their tasks' names.
     pub(super) digests: BTreeMap<String, String>,
-    pub(super) run_folder: PathBuf,
+    /// No other training takes it meanwhile.
+    pub(super) run_folder: RunFolder,
 }
 
-/// Reads the demonstrations of a training and says what it begins with; refuses a run folder that holds another
-/// one's checkpoint unless it is to be resumed, and a place that a model must not take.
+/// Reads the demonstrations of a training and says what it begins with.
 pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError> {
-    let run_folder = arguments
-        .run
-        .clone()
-        .unwrap_or_else(|| beside(&arguments.out));
-    let has_begun = run_folder.join(CHECKPOINT).exists();
-    if !arguments.resume && has_begun {
-        return Err(CliError::RunExists { run: run_folder });
-    }
-    if arguments.resume && !has_begun {
-        println!(
-            "no checkpoint to go on from in {}: the training begins",
-            run_folder.display()
-        );
-    }
-    if whole(&run_folder).starts_with(whole(&arguments.out)) {
-        return Err(CliError::RunInModel {
-            run: run_folder,
-            model: arguments.out.clone(),
-        });
-    }
-    check_model_place(&arguments.out)?;
+    let run_folder = taken_run_folder(arguments)?;
     let (sets, digests) = load_sets(
         &arguments.demos,
         arguments.bins,
@@ -178,7 +158,7 @@ pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError>
         "training on {} states of {}; checkpoints and losses.csv in {}{}",
         sets.iter().map(DemonstrationSet::step_count).sum::<usize>(),
         counted(sets.len(), "task"),
-        run_folder.display(),
+        run_folder.path().display(),
         sets.first()
             .map(|s| describe_bins(s.action_space()))
             .unwrap_or_default(),
@@ -188,6 +168,32 @@ pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError>
         digests,
         run_folder,
     })
+}
+
+/// Takes the run folder of a training; refuses one in which another is at work or whose checkpoint is not to be gone on
+/// from, one in the model's folder, and a place that a model must not take.
+fn taken_run_folder(arguments: &TrainArguments) -> Result<RunFolder, CliError> {
+    let run = arguments.run.clone();
+    let run = run.unwrap_or_else(|| beside(&arguments.out));
+    if whole(&run).starts_with(whole(&arguments.out)) {
+        return Err(CliError::RunInModel {
+            run,
+            model: arguments.out.clone(),
+        });
+    }
+    check_model_place(&arguments.out)?;
+    let run_folder = RunFolder::open(&run)?;
+    let has_begun = run.join(CHECKPOINT).exists();
+    if !arguments.resume && has_begun {
+        return Err(CliError::RunExists { run });
+    }
+    if arguments.resume && !has_begun {
+        println!(
+            "no checkpoint to go on from in {}: the training begins",
+            run.display()
+        );
+    }
+    Ok(run_folder)
 }
 
 /// Says so where nothing was left to train: not even a later time limit adds to a training that has ended.

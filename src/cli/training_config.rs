@@ -204,10 +204,6 @@ pub(super) fn write_run(
     seed: u64,
     digests: &BTreeMap<String, String>,
 ) -> Result<(), CliError> {
-    fs::create_dir_all(run_folder).map_err(|source| CliError::RunFolder {
-        run: run_folder.to_owned(),
-        source,
-    })?;
     let record = RunRecord {
         version: env!("CARGO_PKG_VERSION"),
         commit: revision(Path::new(".")),

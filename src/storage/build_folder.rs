@@ -12,11 +12,14 @@ use super::replace::write_file;
 use super::tables::{self, EdgeWriter};
 use super::{GraphManifest, StorageError};
 use crate::graph::{EdgeKind, EdgeSink, JoinedEdges, TopologicalGraph};
+use crate::lock::Lock;
 
 /// What a build of the folder `graph` keeps in `graph.build` until it is finished.
 const ENDING: &str = "build";
 /// What the build is of, and its parts.
 const PROGRESS: &str = "build.json";
+/// What the build locks as long as it is at work.
+const LOCK: &str = "build.lock";
 /// The states.
 const STATES: &str = "nodes.parquet";
 /// The temporal edges between them.
@@ -31,12 +34,13 @@ const TABLE: &str = ".parquet";
 /// Beside the graph's folder lies one with the states, once they are encoded, and with the learned edges of
 /// each part of the work that is done. A build of the same model, demonstrations and options takes them
 /// up; of others, it begins anew. [`finish`](Self::finish) puts the graph together from its parts, one
-/// batch of rows at a time.
+/// batch of rows at a time. No other build takes the folder until this is dropped or the process ends, however it ends.
 #[derive(Debug)]
 pub struct BuildFolder {
     graph_folder: PathBuf,
     folder: PathBuf,
     progress: Progress,
+    _lock: Lock,
 }
 
 /// `build.json`.
@@ -70,8 +74,8 @@ impl BuildFolder {
     /// what it was made from and the options; `part_pairs` into which parts the pairs are cut.
     ///
     /// # Errors
-    /// [`StorageError::NoBuildToReplace`] when the folder holds what no build put there, [`StorageError::Io`] when
-    /// it cannot be read, made or emptied.
+    /// [`StorageError::NoBuildToReplace`] when the folder holds what no build put there, [`StorageError::BuildInUse`]
+    /// while another build of the same graph is at work, [`StorageError::Io`] when it cannot be read, made or emptied.
     pub fn open(
         graph_folder: &Path,
         manifest: &GraphManifest,
@@ -88,20 +92,17 @@ impl BuildFolder {
             parts: BTreeMap::new(),
         };
         check_build_place(&folder)?;
+        let lock = locked(&folder)?;
         let kept = read_progress(&folder)?;
         let kept = kept.filter(|p| p.manifest == fresh.manifest && p.part_pairs == part_pairs);
         if kept.is_none() {
-            match fs::remove_dir_all(&folder) {
-                Err(e) if e.kind() != io::ErrorKind::NotFound => {
-                    return Err(StorageError::io("empty", &folder)(e));
-                }
-                _ => fs::create_dir_all(&folder).map_err(StorageError::io("create", &folder))?,
-            }
+            empty(&folder)?;
         }
         let build = Self {
             graph_folder: graph_folder.to_owned(),
             folder,
             progress: kept.unwrap_or(fresh),
+            _lock: lock,
         };
         build.save_progress()?;
         Ok(build)
@@ -197,7 +198,7 @@ fn is_of_build(name: &str) -> bool {
     let draft = name.strip_prefix('.').and_then(|n| n.strip_suffix(".tmp"));
     let name = draft.unwrap_or(name);
     let part = name.strip_prefix(PART).and_then(|n| n.strip_suffix(TABLE));
-    [PROGRESS, STATES, TEMPORAL].contains(&name)
+    [PROGRESS, LOCK, STATES, TEMPORAL].contains(&name)
         || part.is_some_and(|part| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit()))
 }
 
@@ -210,6 +211,26 @@ fn check_build_place(folder: &Path) -> Result<(), StorageError> {
             what,
         }),
     }
+}
+
+/// Makes a folder that is not there, and keeps other builds out of it.
+fn locked(folder: &Path) -> Result<Lock, StorageError> {
+    fs::create_dir_all(folder).map_err(StorageError::io("create", folder))?;
+    let lock = Lock::take(&folder.join(LOCK)).map_err(StorageError::io("lock", folder))?;
+    lock.ok_or_else(|| StorageError::BuildInUse {
+        folder: folder.to_owned(),
+    })
+}
+
+/// Removes what a build kept in a folder, all but its lock.
+fn empty(folder: &Path) -> Result<(), StorageError> {
+    for entry in fs::read_dir(folder).map_err(StorageError::io("empty", folder))? {
+        let path = entry.map_err(StorageError::io("empty", folder))?.path();
+        if path.file_name().is_none_or(|name| name != LOCK) {
+            fs::remove_file(&path).map_err(StorageError::io("remove", &path))?;
+        }
+    }
+    Ok(())
 }
 
 /// What a build had done; none where there was none, or one that cannot be understood.

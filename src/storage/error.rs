@@ -263,6 +263,16 @@ pub enum StorageError {
         /// What is there.
         what: String,
     },
+    /// Another build of the same graph is at work.
+    #[error(
+        "another build of the same graph is at work in {folder}: wait until it ends, or stop it and build again, which goes \
+         on with what it did; or build the graph under another name",
+        folder = folder.display()
+    )]
+    BuildInUse {
+        /// Where it keeps what is done.
+        folder: PathBuf,
+    },
     /// Recordings cannot be written as one dataset.
     #[error("{recording} cannot be part of the dataset: {reason}")]
     Conversion {

@@ -217,6 +217,15 @@ pub enum TrainingError {
         /// What differs.
         what: String,
     },
+    /// Another training works in the run folder.
+    #[error(
+        "another training is at work in the run folder {run_folder}: wait until it ends, or stop it and go on with --resume, \
+         or name another folder with --run"
+    )]
+    RunInUse {
+        /// The folder.
+        run_folder: PathBuf,
+    },
     /// A file or folder could not be read or written.
     #[error("cannot {action} {path}: {source}")]
     Io {

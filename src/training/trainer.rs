@@ -16,8 +16,8 @@ use super::objective::Objective;
 use super::sampler::Sampler;
 use super::trained_model::{network_of, pictures_of, spec_of};
 use super::{
-    ChannelNormalisation, Dataset, LatentFlowNetwork, StepLosses, TrainedModel, TrainingConfig,
-    TrainingError, TrainingEvent, TrainingObserver, training_device,
+    ChannelNormalisation, Dataset, LatentFlowNetwork, RunFolder, StepLosses, TrainedModel,
+    TrainingConfig, TrainingError, TrainingEvent, TrainingObserver, training_device,
 };
 use crate::model::{LandmarkBook, Latents, ValidationMetrics};
 use crate::trajectory::{DemonstrationSet, State};
@@ -47,7 +47,7 @@ pub struct TrainingReport {
 pub fn train(
     sets: &[DemonstrationSet],
     config: &TrainingConfig,
-    run_folder: &Path,
+    run_folder: &RunFolder,
     observer: &mut dyn TrainingObserver,
 ) -> Result<TrainingReport, TrainingError> {
     train_on(&training_device(), sets, config, run_folder, observer)
@@ -61,17 +61,12 @@ pub fn train_on(
     device: &Device,
     sets: &[DemonstrationSet],
     config: &TrainingConfig,
-    run_folder: &Path,
+    run_folder: &RunFolder,
     observer: &mut dyn TrainingObserver,
 ) -> Result<TrainingReport, TrainingError> {
     config.check()?;
     let data = Dataset::new(sets)?.seen_by(&config.cameras)?;
-    std::fs::create_dir_all(run_folder).map_err(|source| TrainingError::Io {
-        action: "create",
-        path: run_folder.to_owned(),
-        source,
-    })?;
-    let run = Run::prepare(&data, config, run_folder, device)?;
+    let run = Run::prepare(&data, config, run_folder.path(), device)?;
     run.train(observer)
 }
 

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 /// Rooms with their floors; a room may import from lower floors only.
 const FLOORS: &[(&str, u32)] = &[
     ("wording", 0),
+    ("lock", 0),
     ("trajectory", 0),
     ("task", 1),
     ("model", 1),

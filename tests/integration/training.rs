@@ -2,7 +2,9 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::thread;
+use std::time::Duration;
 
 use crate::command::{catena, path, succeeded, text};
 
@@ -92,6 +94,54 @@ fn a_camera_or_variant_that_is_not_there_is_named_with_those_that_are() {
             "{said}"
         );
     }
+}
+
+#[test]
+fn a_training_keeps_another_one_out_of_its_run_folder_until_it_ends_or_is_killed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let demos = recorded(folder.path(), "wine", "2");
+    let run = at("run");
+    let of_steps = |steps: &'static str, out: &Path, more: &[&'static str]| -> Vec<String> {
+        let flags = ["--preset", "tiny", "--steps", steps, "--run", path(&run)];
+        let places = ["train", path(&demos), "--out", path(out)];
+        let words = [&places[..], &flags, more].concat();
+        words.into_iter().map(str::to_owned).collect()
+    };
+    let started = Command::new(env!("CARGO_BIN_EXE_catena"))
+        .args(of_steps("1000000", &at("model"), &[]))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn();
+    let mut training = started.expect("the command starts");
+    // Written once the folder is taken and the demonstrations are read.
+    for _ in 0..600 {
+        if run.join("run.json").exists() {
+            break;
+        }
+        thread::sleep(Duration::from_millis(100));
+    }
+    let config = fs::read(run.join("config.json")).expect("a training that is at work");
+    let alone: &[&str] = &[];
+    for more in [alone, &["--resume"], &["--method", "bc"]] {
+        let words = of_steps("3", &at("other"), more);
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        let output = catena(&words);
+        let said = text(&output.stderr);
+        assert!(!output.status.success(), "{said}");
+        assert!(
+            said.contains("at work in the run folder") && said.contains(path(&run)),
+            "{said}"
+        );
+    }
+    let kept = fs::read(run.join("config.json")).expect("its configuration");
+    assert_eq!(kept, config, "nothing was written over it");
+    training.kill().expect("it is killed");
+    training.wait().expect("it has ended");
+    // It may have come to its first checkpoint.
+    let _ = fs::remove_file(run.join("checkpoint.safetensors"));
+    let words = of_steps("3", &at("model"), &[]);
+    succeeded(&words.iter().map(String::as_str).collect::<Vec<_>>());
 }
 
 /// A limit on the size of files is what a shell can set of a disk that is full.
@@ -201,6 +251,21 @@ fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
         !both.contains("--variant siamese"),
         "it is trained already: {both}"
     );
+    let lock = fs::File::create(of_wrist.join("experiment.lock")).expect("a lock");
+    lock.lock().expect("nobody holds it");
+    fs::remove_file(out.join("only_wrist_seed1.json")).expect("a cell");
+    let words = ["fig5", "--quick", "--demonstrations", "2", "--steps", "3"];
+    let beside = experiment(
+        folder.path(),
+        &[&words[..], &["--methods", "only_wrist"]].concat(),
+    );
+    let said = text(&beside.stderr);
+    assert!(
+        !beside.status.success() && said.contains("another experiment") && said.contains("--work"),
+        "{said}"
+    );
+    lock.unlock().expect("it is held");
+    run(&["--methods", "only_wrist"]);
     let drawn = run(&["--only-draw"]);
     assert!(
         drawn.contains("| stacked frames | | 0 | not measured |"),

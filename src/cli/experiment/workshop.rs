@@ -6,6 +6,7 @@ use std::sync::Mutex;
 use serde::de::DeserializeOwned;
 
 use super::commands::Commands;
+use super::hold::hold;
 use super::ingredients::{Ingredients, RECORDING_SEED};
 use super::method::{MVP, Method};
 use super::plan::Size;
@@ -16,6 +17,7 @@ use crate::cli::kept::{Missing, keep_text, kept};
 use crate::cli::revision::revision;
 use crate::experiment::PAPER_TASKS;
 use crate::storage::write_file;
+use crate::training::RunFolder;
 
 /// Recordings of each task that are made; experiments take the first of them.
 const RECORDED: usize = 30;
@@ -148,6 +150,7 @@ impl<'a> Workshop<'a> {
         let (name, mark) = (method.name, self.ingredients.mark(method)?);
         let name = format!("{name}_{demonstrations}{mark}_seed{seed}_steps{steps}");
         let root = self.work.join(name);
+        let _alone = hold(&root)?;
         self.furnish(&root, demonstrations)?;
         let model = root.join(if method.plans {
             "graphs/bedroom/model"
@@ -189,6 +192,8 @@ impl<'a> Workshop<'a> {
         // A run of other words is of no use; one of the same words goes on.
         let begun = trained.root.join("begun.txt");
         if fs::read_to_string(&begun).is_ok_and(|text| text != told) && trained.run.exists() {
+            // Not from under a training that outlived its experiment.
+            drop(RunFolder::open(&trained.run)?);
             fs::remove_dir_all(&trained.run).map_err(CliError::io(&trained.run))?;
         }
         keep_text(&begun, told.as_bytes())?;
@@ -233,6 +238,7 @@ impl<'a> Workshop<'a> {
             .unwrap_or_else(|| self.work.join("demos").join(task));
         let _one_records = self.recording.lock().expect("no one panics with it");
         if given.is_none() && files_of(&folder).len() < wanted {
+            let _alone = hold(&folder)?;
             let count = wanted.max(if self.paper.quick { 0 } else { RECORDED });
             let command = [
                 "record".into(),

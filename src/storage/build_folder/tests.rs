@@ -152,8 +152,10 @@ fn build_of_something_else_begins_anew() {
     let mut folder = BuildFolder::open(&target, &first, 900).expect("opens");
     folder.keep_states(&states()).expect("states are kept");
     folder.keep(0, Vec::new(), 17).expect("a part is kept");
+    drop(folder);
     let reopened = BuildFolder::open(&target, &first, 900).expect("opens");
     assert_eq!(reopened.kept_pairs(0), Some(17));
+    drop(reopened);
     let mut other = first.clone();
     other.model_digest = "another".to_owned();
     for (manifest, part_pairs) in [(&first, 901), (&other, 900)] {
@@ -185,6 +187,34 @@ fn part_that_is_not_what_was_kept_is_named() {
     let said = refused.to_string();
     assert!(said.contains("edges-00001.parquet"), "{said}");
     assert!(!target.exists(), "no graph that is not whole");
+}
+
+#[test]
+fn two_builds_of_one_graph_keep_out_of_each_others_way() {
+    let place = tempfile::tempdir().expect("a temporary folder");
+    let target = place.path().join("walk");
+    let first = manifest(&options(PairCandidates::All));
+    let mut other = first.clone();
+    other.model_digest = "another".to_owned();
+    let mut folder = BuildFolder::open(&target, &first, 900).expect("opens");
+    folder.keep(0, Vec::new(), 17).expect("a part is kept");
+    // One of something else would begin by emptying the folder.
+    for manifest in [&first, &other] {
+        let refused = BuildFolder::open(&target, manifest, 900).expect_err("one is at work");
+        let said = refused.to_string();
+        assert!(
+            said.contains("walk.build") && said.contains("another name"),
+            "{said}"
+        );
+    }
+    drop(folder);
+    let folder = BuildFolder::open(&target, &first, 900).expect("opens");
+    assert_eq!(folder.kept_pairs(0), Some(17), "nothing was lost");
+    drop(folder);
+    // Emptied, it still keeps others out.
+    let folder = BuildFolder::open(&target, &other, 900).expect("opens");
+    assert_eq!(folder.kept_pairs(0), None);
+    BuildFolder::open(&target, &other, 900).expect_err("one is at work");
 }
 
 #[test]
@@ -233,6 +263,7 @@ fn build_that_cannot_be_read_is_not_deleted() {
     std::os::unix::fs::symlink("build.json", &progress).expect("a link");
     let part = build.folder().join("edges-00000.parquet");
     fs::write(&part, "hours").expect("written");
+    drop(build);
     let refused = BuildFolder::open(&target, &manifest, 900).expect_err("it cannot be read");
     let said = refused.to_string();
     assert!(

@@ -16,7 +16,8 @@ use crate::training::learner::optimiser;
 use crate::training::synthetic::{Counting, sets};
 use crate::training::weights::{NamedWeights, collect};
 use crate::training::{
-    Dataset, Preset, SilentObserver, StateRef, TrainingError, TrainingObserver, synthetic,
+    Dataset, Preset, RunFolder, SilentObserver, StateRef, TrainingError, TrainingObserver,
+    synthetic,
 };
 use crate::trajectory::{CameraSpec, State};
 
@@ -90,7 +91,8 @@ fn fit(
 ) -> Result<BaselineReport, TrainingError> {
     let encoder = mean_colour(b"frozen");
     let frozen = (config.method == BaselineMethod::Mvp).then_some(&encoder as &dyn FeatureEncoder);
-    train_baseline_on(&Device::flex(), &sets(), config, frozen, folder, observer)
+    let folder = RunFolder::open(folder)?;
+    train_baseline_on(&Device::flex(), &sets(), config, frozen, &folder, observer)
 }
 
 fn weights_of(report: &BaselineReport) -> Vec<NamedWeights> {
@@ -166,7 +168,7 @@ fn a_checkpoint_of_another_training_or_method_is_refused() {
         &sets(),
         &tiny(BaselineMethod::Mvp, 2),
         Some(&encoder),
-        folder.path(),
+        &RunFolder::open(folder.path()).unwrap(),
         &mut SilentObserver,
     )
     .unwrap_err();
@@ -175,8 +177,9 @@ fn a_checkpoint_of_another_training_or_method_is_refused() {
     let ours = tempfile::tempdir().unwrap();
     let mut config = Preset::Tiny.config();
     config.steps = 1;
-    let device = Device::flex();
-    crate::training::train_on(&device, &sets(), &config, ours.path(), &mut SilentObserver).unwrap();
+    let (device, run) = (Device::flex(), RunFolder::open(ours.path()).unwrap());
+    crate::training::train_on(&device, &sets(), &config, &run, &mut SilentObserver).unwrap();
+    drop(run);
     let error = fit(&other, ours.path(), &mut SilentObserver).unwrap_err();
     assert!(error.to_string().contains("another method"), "{error}");
 }
@@ -188,8 +191,8 @@ fn a_frozen_encoder_belongs_to_mvp_alone() {
     let run = |method, frozen| {
         let config = tiny(method, 1);
         let device = Device::flex();
-        let path = folder.path();
-        train_baseline_on(&device, &sets(), &config, frozen, path, &mut SilentObserver)
+        let run = RunFolder::open(folder.path()).unwrap();
+        train_baseline_on(&device, &sets(), &config, frozen, &run, &mut SilentObserver)
     };
     assert!(matches!(
         run(BaselineMethod::Mvp, None),

@@ -17,7 +17,7 @@ use crate::training::course::{self, Course, Pace, Progress, Sizes};
 use crate::training::history::LossTable;
 use crate::training::learner::Learner;
 use crate::training::{
-    Dataset, StepLosses, TrainingError, TrainingEvent, TrainingObserver, training_device,
+    Dataset, RunFolder, StepLosses, TrainingError, TrainingEvent, TrainingObserver, training_device,
 };
 use crate::trajectory::DemonstrationSet;
 
@@ -50,7 +50,7 @@ pub fn train_baseline(
     sets: &[DemonstrationSet],
     config: &BaselineConfig,
     frozen: Option<&dyn FeatureEncoder>,
-    run_folder: &Path,
+    run_folder: &RunFolder,
     observer: &mut dyn TrainingObserver,
 ) -> Result<BaselineReport, TrainingError> {
     train_baseline_on(
@@ -72,18 +72,13 @@ pub fn train_baseline_on(
     sets: &[DemonstrationSet],
     config: &BaselineConfig,
     frozen: Option<&dyn FeatureEncoder>,
-    run_folder: &Path,
+    run_folder: &RunFolder,
     observer: &mut dyn TrainingObserver,
 ) -> Result<BaselineReport, TrainingError> {
     config.check()?;
     check_frozen(config.method, frozen.is_some())?;
     let data = Dataset::new(sets)?;
-    std::fs::create_dir_all(run_folder).map_err(|source| TrainingError::Io {
-        action: "create",
-        path: run_folder.to_owned(),
-        source,
-    })?;
-    Run::prepare(&data, config, frozen, run_folder, device)?.train(observer)
+    Run::prepare(&data, config, frozen, run_folder.path(), device)?.train(observer)
 }
 
 /// A training in progress.

@@ -18,7 +18,8 @@ fn on_cpu(
     folder: &Path,
     observer: &mut dyn TrainingObserver,
 ) -> Result<TrainingReport, TrainingError> {
-    train_on(&Device::flex(), &sets(), config, folder, observer)
+    let folder = RunFolder::open(folder)?;
+    train_on(&Device::flex(), &sets(), config, &folder, observer)
 }
 
 fn weights_of(report: &TrainingReport) -> Vec<NamedWeights> {
@@ -93,7 +94,7 @@ fn a_checkpoint_of_another_training_is_refused() {
         &Device::flex(),
         &other,
         &tiny(2),
-        folder.path(),
+        &RunFolder::open(folder.path()).unwrap(),
         &mut SilentObserver,
     );
     let message = error.unwrap_err().to_string();
@@ -103,7 +104,7 @@ fn a_checkpoint_of_another_training_is_refused() {
         &Device::flex(),
         &renamed(),
         &tiny(2),
-        folder.path(),
+        &RunFolder::open(folder.path()).unwrap(),
         &mut SilentObserver,
     );
     let message = error.unwrap_err().to_string();
@@ -253,8 +254,8 @@ fn a_model_comes_of_a_training_that_holds_out_all_events_of_the_gripper() {
     let trained = &mut two[split.training[0] as usize].steps;
     trained.last_mut().expect("it has steps").action = Action::Primitive(0);
     let (folder, sets) = (tempfile::tempdir().unwrap(), [set(&two)]);
-    let device = Device::flex();
-    let report = train_on(&device, &sets, &config, folder.path(), &mut SilentObserver).unwrap();
+    let (device, run) = (Device::flex(), RunFolder::open(folder.path()).unwrap());
+    let report = train_on(&device, &sets, &config, &run, &mut SilentObserver).unwrap();
     let book = report.model.landmarks.expect("landmarks are learnt");
     let errors: Vec<f32> = book.landmarks.iter().map(|l| l.error_pixels).collect();
     assert_eq!(
