@@ -20,6 +20,8 @@ const FILE: &str = "checkpoint.safetensors";
 /// The key of everything that is no tensor.
 const STATE: &str = "catena";
 const OPTIMISER: &str = "optimiser";
+/// What configurations call the time limit.
+const TIME_LIMIT: &str = "max_minutes";
 
 /// A checkpoint in memory.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,20 +69,34 @@ pub struct BestSoFar {
     pub temperature: f32,
 }
 
-/// What of a checkpoint is another training's: values of its configuration, found and wanted, or its demonstrations.
-/// The caller takes what may be changed between two calls, such as the time limit, to be equal.
-pub fn what_differs<C: Serialize + PartialEq>(
-    [found, wanted]: [&C; 2],
-    [demonstrations, wanted_demonstrations]: [&str; 2],
-) -> Option<String> {
-    if found == wanted {
-        return (demonstrations != wanted_demonstrations).then(|| "demonstrations".to_owned());
-    }
-    let tree = |config: serde_json::Result<Value>| config.unwrap_or_default();
+/// Refuses the checkpoint of another training: the configuration that was found is not the one that is wanted, or one of
+/// `others` differs, which say what they are and whether they do. The time limit may be changed: it says when to stop, not
+/// what to learn.
+///
+/// # Errors
+/// [`TrainingError::CheckpointOfAnother`].
+pub fn check_same<C: Serialize>(
+    run_folder: &Path,
+    configs: [&C; 2],
+    others: &[(&str, bool)],
+) -> Result<(), TrainingError> {
+    let [found, wanted] = configs.map(|config| {
+        let mut values = serde_json::to_value(config).expect("a configuration has a JSON form");
+        values[TIME_LIMIT] = Value::Null;
+        values
+    });
     let mut differing = Vec::new();
-    let (found, wanted) = (serde_json::to_value(found), serde_json::to_value(wanted));
-    differences("", &tree(found), &tree(wanted), &mut differing);
-    Some(format!("configurations ({})", differing.join(", ")))
+    differences("", &found, &wanted, &mut differing);
+    let other = others.iter().find(|(_, differs)| *differs);
+    let what = match other {
+        _ if !differing.is_empty() => format!("configurations ({})", differing.join(", ")),
+        Some((what, _)) => (*what).to_owned(),
+        None => return Ok(()),
+    };
+    Err(TrainingError::CheckpointOfAnother {
+        path: <Checkpoint>::path(run_folder),
+        what,
+    })
 }
 
 fn differences(name: &str, found: &Value, wanted: &Value, differing: &mut Vec<String>) {
@@ -302,6 +318,32 @@ mod tests {
         assert_eq!(loaded, Some(checkpoint()));
         let files = std::fs::read_dir(folder.path()).unwrap().count();
         assert_eq!(files, 1, "nothing is left beside it");
+    }
+
+    #[test]
+    fn another_training_is_told_by_what_differs_and_another_time_limit_is_none() {
+        let folder = Path::new("a.run");
+        let found = TrainingConfig::default();
+        let mut wanted = found.clone();
+        wanted.max_minutes = Some(5.0);
+        let check = |wanted: &TrainingConfig, others: &[(&str, bool)]| {
+            check_same(folder, [&found, wanted], others).map_err(|error| error.to_string())
+        };
+        let others = [("demonstrations", false), ("actions", true), ("eyes", true)];
+        check(&wanted, &others[..1]).unwrap();
+        let told = check(&wanted, &others).unwrap_err();
+        assert!(
+            told.contains("a.run") && told.contains("its actions differ"),
+            "{told}"
+        );
+        wanted.seed = 2;
+        wanted.network.dropout = 0.5;
+        let told = check(&wanted, &others).unwrap_err();
+        let dropout = found.network.dropout;
+        let differing = format!(
+            "its configurations (network.dropout is {dropout:?} there and 0.5 here, seed is 1 there and 2 here) differ"
+        );
+        assert!(told.contains(&differing), "{told}");
     }
 
     #[test]

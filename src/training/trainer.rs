@@ -5,7 +5,7 @@ use burn::tensor::Device;
 
 use super::augmentation::check_mirror;
 use super::batch::{Batcher, Pictures, StepInput};
-use super::checkpoint::{BestSoFar, Checkpoint, TrainingState, what_differs};
+use super::checkpoint::{BestSoFar, Checkpoint, TrainingState, check_same};
 use super::course::{self, Course, Pace, Progress, Sizes};
 use super::evaluation::{ValidationSet, encode, values};
 use super::history::History;
@@ -119,8 +119,9 @@ impl<'a> Run<'a> {
             demonstrations: data.fingerprint(),
         };
         let checkpoint = <Checkpoint>::load(run_folder)?;
-        if let Some(checkpoint) = &checkpoint {
-            check_same(&checkpoint.state, &state, run_folder)?;
+        if let Some(Checkpoint { state: found, .. }) = &checkpoint {
+            let configs = [&found.config, &state.config];
+            check_same(run_folder, configs, &others(found, &state))?;
         }
         let done = checkpoint.as_ref().map_or(0, |c| c.state.progress.step);
         let mut run = Self {
@@ -303,24 +304,13 @@ impl Course for Run<'_> {
     }
 }
 
-/// Refuses the checkpoint of another training. The time limit may be changed: it says when to stop, not what to learn.
-fn check_same(
-    found: &TrainingState,
-    wanted: &TrainingState,
-    folder: &Path,
-) -> Result<(), TrainingError> {
-    let mut config = found.config.clone();
-    config.max_minutes = wanted.config.max_minutes;
-    let demonstrations = [&*found.demonstrations, &*wanted.demonstrations];
-    let what = what_differs([&config, &wanted.config], demonstrations)
-        .or_else(|| (found.spec != wanted.spec).then(|| "actions or cameras".to_owned()));
-    match what {
-        None => Ok(()),
-        Some(what) => Err(TrainingError::CheckpointOfAnother {
-            path: <Checkpoint>::path(folder),
-            what,
-        }),
-    }
+/// What makes another training beside another configuration, and whether it does.
+fn others(found: &TrainingState, wanted: &TrainingState) -> [(&'static str, bool); 2] {
+    let demonstrations = found.demonstrations != wanted.demonstrations;
+    [
+        ("demonstrations", demonstrations),
+        ("actions or cameras", found.spec != wanted.spec),
+    ]
 }
 
 /// What a model says of its landmarks, with how well it sees them in all demonstrations that it was trained on, and how far

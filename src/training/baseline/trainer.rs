@@ -12,7 +12,7 @@ use super::validation::HeldOut;
 use super::{BaselineConfig, BaselineNetwork, TrainedBaseline};
 use crate::model::{BaselineValidation, FeatureEncoder};
 use crate::training::augmentation::check_mirror;
-use crate::training::checkpoint::{Checkpoint, what_differs};
+use crate::training::checkpoint::{Checkpoint, check_same};
 use crate::training::course::{self, Course, Pace, Progress, Sizes};
 use crate::training::history::LossTable;
 use crate::training::learner::Learner;
@@ -111,8 +111,9 @@ impl<'a> Run<'a> {
         let device = device.clone().autodiff();
         let state = BaselineState::new(data, config, &split.training, frozen);
         let checkpoint = Checkpoint::<BaselineState>::load(folder)?;
-        if let Some(checkpoint) = &checkpoint {
-            check_same(&checkpoint.state, &state, folder)?;
+        if let Some(Checkpoint { state: found, .. }) = &checkpoint {
+            let configs = [&found.config, &state.config];
+            check_same(folder, configs, &others(found, &state))?;
         }
         let source = match frozen {
             Some(encoder) => Source::features(data, encoder)?,
@@ -287,27 +288,15 @@ impl Course for Run<'_> {
     }
 }
 
-/// Refuses the checkpoint of another training. The time limit may be changed: it says when to stop, not what
-/// to learn.
-fn check_same(
-    found: &BaselineState,
-    wanted: &BaselineState,
-    folder: &Path,
-) -> Result<(), TrainingError> {
-    let mut config = found.config.clone();
-    config.max_minutes = wanted.config.max_minutes;
-    let demonstrations = [&*found.demonstrations, &*wanted.demonstrations];
+/// What makes another training beside another configuration, and whether it does.
+fn others(found: &BaselineState, wanted: &BaselineState) -> [(&'static str, bool); 3] {
+    let demonstrations = found.demonstrations != wanted.demonstrations;
     let [encoder, wanted_encoder] = [found, wanted].map(|s| (&s.frozen, &s.spec.frozen));
-    let what = what_differs([&config, &wanted.config], demonstrations)
-        .or_else(|| (encoder != wanted_encoder).then(|| "frozen encoders".to_owned()))
-        .or_else(|| (found.spec != wanted.spec).then(|| "actions or cameras".to_owned()));
-    match what {
-        None => Ok(()),
-        Some(what) => Err(TrainingError::CheckpointOfAnother {
-            path: Checkpoint::<BaselineState>::path(folder),
-            what,
-        }),
-    }
+    [
+        ("demonstrations", demonstrations),
+        ("frozen encoders", encoder != wanted_encoder),
+        ("actions or cameras", found.spec != wanted.spec),
+    ]
 }
 
 fn row(step: u64, rate: f64, loss: f32, validation: Option<&BaselineValidation>) -> String {
