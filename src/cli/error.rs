@@ -352,7 +352,11 @@ pub(super) enum CliError {
         model: PathBuf,
     },
     /// A training was begun there.
-    #[error("{} holds a training already: go on with --resume, or name another folder with --run", run.display())]
+    #[error(
+        "{} holds a training already: go on with --resume and the flags that it was begun with, or name another folder with \
+         --run",
+        run.display()
+    )]
     RunExists {
         /// The run folder.
         run: PathBuf,

@@ -22,6 +22,11 @@ const STATE: &str = "catena";
 const OPTIMISER: &str = "optimiser";
 /// What configurations call the time limit.
 const TIME_LIMIT: &str = "max_minutes";
+/// What they call the number of steps.
+const STEPS: &str = "steps";
+/// Why a training of other steps is not gone on with.
+const OF_OTHER_STEPS: &str = " (the learning rate falls over all steps, so that one of another number is another training from \
+     the first step on, and this one cannot be made longer)";
 
 /// A checkpoint in memory.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,9 +98,11 @@ pub fn check_same<C: Serialize>(
         Some((what, _)) => (*what).to_owned(),
         None => return Ok(()),
     };
+    let has_other_steps = found[STEPS] != wanted[STEPS];
     Err(TrainingError::CheckpointOfAnother {
         path: <Checkpoint>::path(run_folder),
         what,
+        why: if has_other_steps { OF_OTHER_STEPS } else { "" },
     })
 }
 
@@ -344,6 +351,7 @@ mod tests {
             "its configurations (network.dropout is {dropout:?} there and 0.5 here, seed is 1 there and 2 here) differ"
         );
         assert!(told.contains(&differing), "{told}");
+        assert!(!told.contains("learning rate"), "{told}");
     }
 
     #[test]

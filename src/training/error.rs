@@ -208,14 +208,16 @@ pub enum TrainingError {
     },
     /// The checkpoint was written for other demonstrations or another configuration.
     #[error(
-        "the checkpoint {path} belongs to another training: its {what} differ; give the same, use another run folder, \
-         or delete it"
+        "the checkpoint {path} belongs to another training: its {what} differ{why}; give the same, use another run folder, \
+         or delete it to start anew"
     )]
     CheckpointOfAnother {
         /// The file.
         path: PathBuf,
         /// What differs.
         what: String,
+        /// Why that makes another training, in brackets; empty where it is plain.
+        why: &'static str,
     },
     /// Another training works in the run folder.
     #[error(

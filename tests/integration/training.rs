@@ -53,6 +53,26 @@ fn a_run_folder_is_enough_to_repeat_its_training() {
     let resumed = [&flags[..], &["--resume"]].concat();
     let ended = train(&at("model"), &at("run"), &resumed);
     assert!(ended.contains("has ended before"), "{ended}");
+    let checkpoint = at("run").join("checkpoint.safetensors");
+    let before = fs::read(&checkpoint).expect("a checkpoint");
+    for (more, way_out) in [
+        (&["--steps", "24"][..], "--resume and the flags"),
+        (
+            &["--steps", "24", "--resume"],
+            "the learning rate falls over all steps",
+        ),
+    ] {
+        let words = ["train", path(&demos), "--preset", "tiny", "--seed", "5"];
+        let (model, run) = (at("model"), at("run"));
+        let places = ["--out", path(&model), "--run", path(&run)];
+        let output = catena(&[&words[..], &places, &flags[6..], more].concat());
+        let said = text(&output.stderr);
+        assert!(
+            !output.status.success() && said.contains(way_out) && said.contains(path(&run)),
+            "{said}"
+        );
+    }
+    assert_eq!(fs::read(&checkpoint).expect("still there"), before);
     let config = at("run").join("config.json");
     train(&at("again"), &at("run2"), &["--config", path(&config)]);
     let (first, second) = (manifest(&at("model")), manifest(&at("again")));

@@ -54,10 +54,12 @@ pub struct TrainArguments {
     /// `--config` says otherwise.
     #[arg(long)]
     pub seed: Option<u64>,
-    /// Go on from the last checkpoint of the run folder.
+    /// Go on from the last checkpoint of the run folder, with the flags that it was begun with; `--minutes` may be
+    /// another.
     #[arg(long)]
     pub resume: bool,
-    /// Stop after so many optimisation steps.
+    /// Stop after so many optimisation steps. The learning rate falls over all of them, so a training of more steps
+    /// begins anew in a run folder of its own.
     #[arg(long, value_parser = positive)]
     pub steps: Option<usize>,
     /// Stop after so many minutes and keep the best checkpoint.

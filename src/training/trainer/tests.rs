@@ -86,9 +86,12 @@ fn a_checkpoint_of_another_training_is_refused() {
     let error = on_cpu(&tiny(3), folder.path(), &mut SilentObserver).unwrap_err();
     let message = error.to_string();
     assert!(
-        message.contains("configurations (steps is 2 there and 3 here) differ"),
+        message.contains("configurations (steps is 2 there and 3 here) differ")
+            && message.contains("the learning rate falls over all steps"),
         "{message}"
     );
+    let again = on_cpu(&tiny(2), folder.path(), &mut SilentObserver).unwrap();
+    assert_eq!(again.states_per_sec, 0.0, "the finished one is still there");
     let other = [synthetic::demonstrations("c", 4, 12, 9)];
     let error = train_on(
         &Device::flex(),
