@@ -87,7 +87,7 @@ impl Landmarks {
             landmarks: found,
             events,
             actions,
-            grasp: grasp_sense(data, None, learnt, &config.imitation),
+            grasp: grasp_sense(data, learnt, &config.imitation),
         })
     }
 }

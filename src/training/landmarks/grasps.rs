@@ -19,16 +19,31 @@ const RIDGE: f64 = 3.0;
 /// Added to the spread of a value, 0..=1, so that one that hardly changes does not count for much.
 const LEAST_SPREAD: f32 = 0.05;
 
-/// What demonstrations, and practice beside them, show of their grippers; none without a camera that a gripper
-/// carries, or where too few of them closed on nothing.
+/// A camera that a gripper carries, and the part of its picture that shows the gripper.
+pub(super) type Carried<'a> = (&'a CameraSpec, [f32; 4]);
+
+/// States of one class, by where they are from, with their recordings.
+type Rows<'a> = Vec<Vec<(&'a Dataset, StateRef)>>;
+
+/// The states of each class, and the tasks whose things are held.
+pub(super) type Classes<'a> = (Vec<Rows<'a>>, Vec<String>);
+
+/// What demonstrations show of their grippers; none without a camera that a gripper carries, or where too few of them closed
+/// on nothing.
 pub(super) fn grasp_sense(
     data: &Dataset,
-    practice: Option<&Dataset>,
     config: &LandmarkConfig,
     imitation: &ImitationConfig,
 ) -> Option<GraspSense> {
-    let (camera, region) = carried_camera(data, config)?;
-    let (classes, things) = all_shown(data, practice, imitation)?;
+    let carried = carried_camera(data, config)?;
+    sense_of(carried, all_shown(data, None, imitation)?)
+}
+
+/// What a camera that a gripper carries, and a part of its picture, tell of states whose classes are known.
+pub(super) fn sense_of(
+    (camera, region): Carried<'_>,
+    (classes, things): Classes<'_>,
+) -> Option<GraspSense> {
     let (mut targets, mut rows) = (Vec::new(), Vec::new());
     for (class, sources) in classes.iter().enumerate() {
         // Each class weighs alike, and in it practice as much as demonstrations, of which there are many more.
@@ -58,22 +73,17 @@ pub(super) fn grasp_sense(
     })
 }
 
-/// States of one class, by where they are from, with their recordings.
-type Rows<'a> = Vec<Vec<(&'a Dataset, StateRef)>>;
-
-/// The states of each class that demonstrations and practice show, and the tasks whose things are held; none where one
-/// kind is never shown, or too seldom.
+/// What demonstrations show, and what practice does; none where one kind is never shown, or too seldom.
 pub(super) fn all_shown<'a>(
     data: &'a Dataset,
-    practice: Option<&'a Dataset>,
+    practice: Option<(&'a Dataset, Shown)>,
     imitation: &ImitationConfig,
-) -> Option<(Vec<Rows<'a>>, Vec<String>)> {
+) -> Option<Classes<'a>> {
     let (classes, things) = classes(data, imitation);
     let mut classes: Vec<Rows<'a>> = (classes.into_iter())
         .map(|states| vec![of(states, data)])
         .collect();
-    if let Some(runs) = practice {
-        let shown = practised(runs, imitation);
+    if let Some((runs, shown)) = practice {
         classes[EMPTY][0].extend(of(shown.empty, runs));
         for (states, task) in shown.held.into_iter().zip(runs.tasks()) {
             let thing = things.iter().position(|thing| thing == task);
@@ -91,11 +101,11 @@ fn of(states: Vec<StateRef>, shown: &Dataset) -> Vec<(&Dataset, StateRef)> {
     states.into_iter().map(|at| (shown, at)).collect()
 }
 
-/// The camera that the gripper carries, and the part of its picture that shows the gripper.
+/// The first camera that the gripper carries.
 pub(super) fn carried_camera<'a>(
     data: &'a Dataset,
     config: &LandmarkConfig,
-) -> Option<(&'a CameraSpec, [f32; 4])> {
+) -> Option<Carried<'a>> {
     let mut cameras = data.cameras().iter();
     cameras.find_map(|camera| Some((camera, region(&config.robot, camera)?)))
 }
@@ -452,7 +462,7 @@ mod tests {
         let learnt = data(1..17).unwrap();
         let empty = classes(&learnt, &imitation).0[EMPTY].len();
         assert!(empty >= LEAST_EMPTY, "{empty} states closed on nothing");
-        let sense = grasp_sense(&learnt, None, &config, &imitation).expect("some close on nothing");
+        let sense = grasp_sense(&learnt, &config, &imitation).expect("some close on nothing");
         assert_eq!(sense.misfit(learnt.cameras()), None);
         assert_eq!(sense.thing_of("sock"), Some(0));
         let other = data(17..27).unwrap();
@@ -467,7 +477,7 @@ mod tests {
         }
         let never = ImitationConfig::default();
         assert!(
-            grasp_sense(&learnt, None, &config, &never).is_none(),
+            grasp_sense(&learnt, &config, &never).is_none(),
             "nothing is known to be missed"
         );
     }

@@ -1,7 +1,7 @@
 //! What practice with the gripper teaches: what an empty one looks like wherever a run may carry it, and one that holds
 //! a thing oddly.
 
-use super::grasps::{all_shown, carried_camera, grasp_sense, practised};
+use super::grasps::{Carried, Classes, all_shown, carried_camera, practised, sense_of};
 use super::landmark_count;
 use crate::model::LandmarkBook;
 use crate::training::{Dataset, TrainingConfig, TrainingError};
@@ -45,7 +45,7 @@ impl GripperPractice<'_> {
     /// [`TrainingError::NoPractice`], and what is wrong with either kind of sets.
     pub fn check(&self, config: &TrainingConfig) -> Result<Practised, TrainingError> {
         let [demonstrations, runs] = self.seen_by(config)?;
-        usable(config, &demonstrations, &runs)
+        Ok(usable(config, &demonstrations, &runs)?.practised)
     }
 
     /// Learns the sense of grasps anew, from the demonstrations and from practice, and puts it into what is known of a
@@ -58,14 +58,14 @@ impl GripperPractice<'_> {
         config: &TrainingConfig,
         book: Option<&mut LandmarkBook>,
     ) -> Result<Practised, TrainingError> {
-        let (Some(landmarks), Some(book)) = (&config.landmarks, book) else {
+        let (Some(_), Some(book)) = (&config.landmarks, book) else {
             return Err(refuse("the model learns no landmarks"));
         };
         let [demonstrations, runs] = self.seen_by(config)?;
-        let practised = usable(config, &demonstrations, &runs)?;
-        let learnt = grasp_sense(&demonstrations, Some(&runs), landmarks, &config.imitation);
+        let usable = usable(config, &demonstrations, &runs)?;
+        let learnt = sense_of(usable.carried, usable.classes);
         book.grasp = Some(learnt.ok_or_else(|| refuse(TOO_FEW))?);
-        Ok(practised)
+        Ok(usable.practised)
     }
 
     /// Demonstrations and practice, as the model sees them.
@@ -81,15 +81,24 @@ impl GripperPractice<'_> {
     }
 }
 
-fn usable(
+/// Practice from which something can be learnt, with the demonstrations.
+struct Usable<'a> {
+    practised: Practised,
+    carried: Carried<'a>,
+    classes: Classes<'a>,
+}
+
+fn usable<'a>(
     config: &TrainingConfig,
-    demonstrations: &Dataset,
-    runs: &Dataset,
-) -> Result<Practised, TrainingError> {
+    demonstrations: &'a Dataset,
+    runs: &'a Dataset,
+) -> Result<Usable<'a>, TrainingError> {
     let landmarks = (config.landmarks.as_ref()).filter(|_| landmark_count(config) > 0);
     let landmarks = landmarks.ok_or_else(|| refuse("the model learns no landmarks"))?;
-    let (camera, _) = carried_camera(demonstrations, landmarks)
-        .ok_or_else(|| refuse("no camera of landmarks.robot is on the gripper"))?;
+    let carried = carried_camera(demonstrations, landmarks);
+    let carried =
+        carried.ok_or_else(|| refuse("no camera of landmarks.robot is on the gripper"))?;
+    let camera = carried.0;
     if !runs.cameras().contains(camera) {
         let CameraSpec {
             name,
@@ -115,8 +124,10 @@ fn usable(
     if practised.empty + practised.held == 0 {
         return Err(refuse("the gripper never closes in it"));
     }
-    if all_shown(demonstrations, Some(runs), &config.imitation).is_none() {
-        return Err(refuse(TOO_FEW));
-    }
-    Ok(practised)
+    let classes = all_shown(demonstrations, Some((runs, shown)), &config.imitation);
+    Ok(Usable {
+        practised,
+        carried,
+        classes: classes.ok_or_else(|| refuse(TOO_FEW))?,
+    })
 }
