@@ -11,6 +11,7 @@ use serde_json::Value;
 use super::error::CliError;
 use crate::model::indented_json;
 use crate::storage::write_file;
+use crate::wording::counted;
 
 /// What is kept in a file as JSON; none where the file is not there.
 pub(super) fn kept<T: DeserializeOwned>(file: &Path) -> Result<Option<T>, CliError> {
@@ -58,6 +59,34 @@ impl Missing {
         }
         Err(CliError::CellOfOthers { file })
     }
+
+    /// The same where a file is kept, too, that differs in the number of its episodes alone; says so. `digest_of` makes the
+    /// digest of the ingredients with a number of episodes.
+    ///
+    /// # Errors
+    /// Those of [`unless_kept`](Self::unless_kept), and those of `digest_of`.
+    pub(super) fn unless_kept_of_any_episodes<T: DeserializeOwned>(
+        file: PathBuf,
+        episodes: usize,
+        digest_of: impl Fn(usize) -> Result<String, CliError>,
+        may_replace: bool,
+    ) -> Result<Option<Self>, CliError> {
+        if !may_replace
+            && let Some(found) = kept::<Value>(&file)?
+            && let Some(others) = found["episodes"].as_u64()
+            && others != episodes as u64
+            && found["digest"] == digest_of(others as usize)?
+        {
+            kept::<T>(&file)?;
+            println!(
+                "kept: {} ({}, not {episodes}; --replace measures it anew)",
+                file.display(),
+                counted(others as usize, "episode")
+            );
+            return Ok(None);
+        }
+        Self::unless_kept::<T>(file, digest_of(episodes)?, may_replace)
+    }
 }
 
 /// Keeps something in a file as JSON.
@@ -73,6 +102,32 @@ pub(super) fn keep_text(file: &Path, text: &[u8]) -> Result<(), CliError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_cell_of_another_number_of_episodes_is_kept_unless_more_differs() {
+        let place = tempfile::tempdir().unwrap();
+        let file = place.path().join("cell.json");
+        let missing = |ingredients: &str, episodes, may_replace| {
+            let digest_of = |episodes: usize| Ok(format!("{ingredients}, {episodes}"));
+            let file = file.clone();
+            Missing::unless_kept_of_any_episodes::<Value>(file, episodes, digest_of, may_replace)
+        };
+        let new = missing("a", 3, false).unwrap().expect("not there");
+        assert_eq!(new.digest, "a, 3");
+        keep(
+            &file,
+            &serde_json::json!({"digest": new.digest, "episodes": 3}),
+        )
+        .unwrap();
+        assert!(missing("a", 3, false).unwrap().is_none());
+        assert!(missing("a", 4, false).unwrap().is_none());
+        let new = missing("a", 4, true).unwrap().expect("asked for");
+        assert_eq!(new.digest, "a, 4");
+        assert!(matches!(
+            missing("b", 4, false),
+            Err(CliError::CellOfOthers { .. })
+        ));
+    }
 
     #[test]
     fn what_was_made_of_other_ingredients_is_not_replaced_unasked() {

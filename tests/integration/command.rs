@@ -440,6 +440,22 @@ fn shortcuts_are_looked_for_with_the_planner_and_the_states_that_are_asked_for()
 }
 
 #[test]
+fn guards_that_were_measured_on_another_number_of_episodes_are_kept() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, out) = (short_run(folder.path()), folder.path().join("cells"));
+    let chaining = |episodes: &str| {
+        let words = ["experiment", "chaining", path(&file), "--episodes"];
+        succeeded(&[&words[..], &[episodes, "--out", path(&out)]].concat())
+    };
+    chaining("1");
+    let before = bytes_of(&out);
+    let said = chaining("2");
+    let kept = said.matches("(1 episode, not 2; --replace").count();
+    assert_eq!(kept, 5, "{said}");
+    assert_eq!(bytes_of(&out), before);
+}
+
+#[test]
 fn a_wrong_composition_is_refused_with_its_line() {
     let output = catena(&[
         "compose",

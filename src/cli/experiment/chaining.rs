@@ -51,13 +51,18 @@ pub(super) fn chaining(
     // Before hours are spent.
     let mut missing = Vec::new();
     for method in ChainingMethod::ALL {
-        let (_, digest) = loaded_with(method, evaluated, arguments)?;
-        let file = cell_file(out, method);
-        let cell = Missing::unless_kept::<ChainingCell>(file, digest, chaining_arguments.replace)?;
+        let loaded = loaded_with(method, evaluated, arguments)?;
+        let digest_of = |episodes: usize| digest_of(method, &loaded, evaluated, episodes);
+        let cell = Missing::unless_kept_of_any_episodes::<ChainingCell>(
+            cell_file(out, method),
+            evaluated.episodes,
+            digest_of,
+            chaining_arguments.replace,
+        )?;
         missing.extend(cell.map(|missing| (method, missing)));
     }
     for (method, Missing { file, digest }) in missing {
-        let (loaded, _) = loaded_with(method, evaluated, arguments)?;
+        let loaded = loaded_with(method, evaluated, arguments)?;
         let cell = measure(method, &loaded, evaluated, arguments, digest)?;
         keep(&file, &cell)?;
         println!(
@@ -91,26 +96,34 @@ fn cell_file(out: &Path, method: ChainingMethod) -> PathBuf {
     out.join(format!("{}.json", method.name()))
 }
 
-/// The composition as a method plans it, with what it needs, and the digest of what its figures depend on.
+/// The composition as a method plans it, with what it needs.
 fn loaded_with(
     method: ChainingMethod,
     evaluated: &EvaluateArguments,
     arguments: &Arguments,
-) -> Result<(Loaded, String), CliError> {
+) -> Result<Loaded, CliError> {
     let mut composition = composed(&evaluated.target, &arguments.root)?;
     method.plan(&mut composition.planner, &mut composition.calibration);
-    let loaded = Loaded::of(composition, arguments)?;
+    Loaded::of(composition, arguments)
+}
+
+/// The digest of what a method's figures depend on, with so many episodes.
+fn digest_of(
+    method: ChainingMethod,
+    loaded: &Loaded,
+    evaluated: &EvaluateArguments,
+    episodes: usize,
+) -> Result<String, CliError> {
     let graphs = graph_digests(&loaded.composition)?;
-    let digest = digest(&Ingredients {
+    digest(&Ingredients {
         method,
         composition: described(&loaded.composition),
         model: loaded.model.digest(),
         graphs: &graphs,
         seed: evaluated.seed,
-        episodes: evaluated.episodes,
-        bedroom: bedroom(&loaded, evaluated)?,
-    })?;
-    Ok((loaded, digest))
+        episodes,
+        bedroom: bedroom(loaded, evaluated)?,
+    })
 }
 
 fn rate(cell: &ChainingCell) -> Rate {

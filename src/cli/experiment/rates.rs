@@ -179,19 +179,8 @@ impl<'a> Row<'a> {
                 ))
             };
             let file = cell_file(out, method, demonstrations, task);
-            if let Some(cell) = workshop.kept::<RateCell>(&file)?
-                && cell.episodes != size.episodes
-                && cell.digest == digest_of(cell.episodes)?
-            {
-                println!(
-                    "kept: {} ({} episodes, not {}; --replace measures it anew)",
-                    file.display(),
-                    cell.episodes,
-                    size.episodes
-                );
-                continue;
-            }
-            let missing = workshop.missing::<RateCell>(file, digest_of(size.episodes)?)?;
+            let missing =
+                workshop.missing_of_any_episodes::<RateCell>(file, size.episodes, digest_of)?;
             cells.extend(missing.map(|missing| (task, missing)));
         }
         Ok(Self {

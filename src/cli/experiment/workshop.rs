@@ -13,7 +13,7 @@ use super::plan::Size;
 use super::side_by_side::side_by_side;
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
-use crate::cli::kept::{Missing, keep_text, kept};
+use crate::cli::kept::{Missing, keep_text};
 use crate::cli::revision::revision;
 use crate::experiment::PAPER_TASKS;
 use crate::storage::write_file;
@@ -94,14 +94,6 @@ impl<'a> Workshop<'a> {
         command.replace(&trained.root.display().to_string(), "...")
     }
 
-    /// A cell that may not be replaced.
-    pub(super) fn kept<T: DeserializeOwned>(&self, file: &Path) -> Result<Option<T>, CliError> {
-        if self.paper.replace {
-            return Ok(None);
-        }
-        kept(file)
-    }
-
     /// A cell that is to be measured; none where it is there already.
     pub(super) fn missing<T: DeserializeOwned>(
         &self,
@@ -109,6 +101,17 @@ impl<'a> Workshop<'a> {
         digest: String,
     ) -> Result<Option<Missing>, CliError> {
         Missing::unless_kept::<T>(file, digest, self.paper.replace)
+    }
+
+    /// The same where one of another number of episodes is kept, too.
+    pub(super) fn missing_of_any_episodes<T: DeserializeOwned>(
+        &self,
+        file: PathBuf,
+        episodes: usize,
+        digest_of: impl Fn(usize) -> Result<String, CliError>,
+    ) -> Result<Option<Missing>, CliError> {
+        let may_replace = self.paper.replace;
+        Missing::unless_kept_of_any_episodes::<T>(file, episodes, digest_of, may_replace)
     }
 
     /// Does each job, as many beside each other as was asked for.
