@@ -227,8 +227,8 @@ pub(super) enum CliError {
     },
     /// Fewer recordings than an experiment needs.
     #[error(
-        "{} has {found} MCAP recordings and the experiment needs {wanted}: record more (`catena record {task} \
-         --demos {wanted} --vary --out {}`), or ask for fewer with --demonstrations",
+        "{} has {found} MCAP recordings that can be demonstrations, and the experiment needs {wanted}: record more (`catena \
+         record {task} --demos {wanted} --vary --out {}`), or ask for fewer with --demonstrations",
         folder.display(),
         folder.display()
     )]

@@ -4,6 +4,7 @@ mod chaining;
 mod commands;
 mod figure5;
 mod figure6;
+mod given;
 mod hold;
 mod ingredients;
 mod method;

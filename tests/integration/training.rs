@@ -233,6 +233,10 @@ fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
     for task in ["sock", "trash", "wine"] {
         recorded(&at("demos"), task, "2");
     }
+    // What was cut off is no demonstration, and does not count as one.
+    let whole = fs::read_dir(at("demos/sock")).expect("recordings").next();
+    let whole = fs::read(whole.expect("one").expect("an entry").path()).expect("a file");
+    fs::write(at("demos/sock/a_cut.mcap"), &whole[..whole.len() / 2]).expect("written");
     let (work, out) = (at("work"), at("out"));
     let run = |more: &[&str]| {
         let words = ["fig5", "--quick", "--demonstrations", "2", "--steps", "3"];
@@ -261,6 +265,12 @@ fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
     let [of_wrist] = &folders_of("only_wrist")[..] else {
         panic!("a folder of the training");
     };
+    let taken = fs::read_dir(of_wrist.join("demos/sock")).expect("recordings");
+    let taken: Vec<_> = taken.flatten().map(|entry| entry.file_name()).collect();
+    assert!(
+        taken.len() == 2 && taken.iter().all(|name| name != "a_cut.mcap"),
+        "{taken:?}"
+    );
     let log = fs::read_to_string(of_wrist.join("log.txt"));
     let log = log.expect("what a job beside others prints");
     assert!(
@@ -313,7 +323,10 @@ fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
         "a job beside others says why it failed: {said}"
     );
     let said = refused(&["--demonstrations", "5"]);
-    assert!(said.contains("has 2 MCAP recordings"), "{said}");
+    assert!(
+        said.contains("has 2 MCAP recordings") && said.contains("a_cut.mcap is left out"),
+        "{said}"
+    );
 }
 
 #[test]

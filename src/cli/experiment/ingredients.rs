@@ -1,7 +1,9 @@
 //! What an experiment's networks learn from and are measured on.
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
+use super::given::Given;
 use super::method::{MVP, Method};
 use super::workshop::task_file;
 use crate::cli::arguments::PaperArguments;
@@ -17,14 +19,17 @@ const OF_MEMORY: &str = "every state counts alike";
 /// Digits of a digest that tell folders apart.
 const MARK_DIGITS: usize = 8;
 
+/// Recordings of each task.
+type Files = BTreeMap<&'static str, Vec<PathBuf>>;
+
 /// Digests of all that goes into a method, by which cells and folders are told apart. Empty where nothing is
 /// measured.
 #[derive(Default)]
 pub(super) struct Ingredients {
     /// What the recordings of each task are: how they are recorded, or the SHA-256 of those that were given.
     recordings: Vec<String>,
-    /// Whether recordings were given.
-    are_given: bool,
+    /// The recordings of each task that were given and count as demonstrations; none where they are recorded.
+    given: Option<Files>,
     /// SHA-256 of the file of each task.
     tasks: Vec<String>,
     /// SHA-256 of the encoder that somebody else trained, and of what is said beside it.
@@ -45,13 +50,24 @@ impl Ingredients {
                 encoder.push(sha256_file(&beside)?);
             }
         }
+        let recorded = format!("recorded with seed {RECORDING_SEED}, varied");
+        let (recordings, given) = match paper.demos.as_deref().map(told_of).transpose()? {
+            None => (vec![recorded; PAPER_TASKS.len()], None),
+            Some((told, files)) => (told, Some(files)),
+        };
         Ok(Self {
             tasks: tasks.collect::<Result<_, _>>()?,
-            recordings: recordings_told(paper)?,
-            are_given: paper.demos.is_some(),
+            recordings,
+            given,
             encoder,
             of_memory: vec![OF_MEMORY.to_owned()],
         })
+    }
+
+    /// The recordings of a task that were given and count as demonstrations; none where they are recorded.
+    pub(super) fn given(&self, task: &str) -> Option<&[PathBuf]> {
+        let given = self.given.as_ref()?;
+        Some(given.get(task).map(Vec::as_slice).unwrap_or_default())
     }
 
     /// What a method learns from and is measured on, for digests.
@@ -62,7 +78,7 @@ impl Ingredients {
     /// A mark in a folder's name of what a method learns from and how, where its name does not tell: what is made
     /// otherwise lies beside it. None of what this program records.
     pub(super) fn mark(&self, method: &Method) -> Result<String, CliError> {
-        let recordings: &[String] = if self.are_given {
+        let recordings: &[String] = if self.given.is_some() {
             &self.recordings
         } else {
             &[]
@@ -87,13 +103,25 @@ impl Ingredients {
     }
 }
 
-fn recordings_told(paper: &PaperArguments) -> Result<Vec<String>, CliError> {
-    let told = |task: &str| match &paper.demos {
-        None => Ok(format!("recorded with seed {RECORDING_SEED}, varied")),
-        Some(folder) => {
-            let recordings = Recordings::open(&[folder.join(task)], &ReadOptions::default())?;
-            Ok(recordings.digest()?)
+/// What the recordings in a folder of each task are, for digests, and those that count as demonstrations; the others are
+/// told.
+fn told_of(folder: &Path) -> Result<(Vec<String>, Files), CliError> {
+    let (mut told, mut given) = (Vec::new(), Files::new());
+    for task in PAPER_TASKS {
+        let folder = folder.join(task);
+        let recordings = Recordings::open(std::slice::from_ref(&folder), &ReadOptions::default())?;
+        let digest = recordings.digest()?;
+        let Given { files, left_out } = Given::of(&folder)?;
+        for report in &left_out {
+            let reason = report.left_out.as_deref().unwrap_or_default();
+            eprintln!("warning: {} is left out: {reason}", report.place());
         }
-    };
-    PAPER_TASKS.into_iter().map(told).collect()
+        told.push(match left_out.len() {
+            0 => digest,
+            // Other ones are the first so many than where all of them counted.
+            several => format!("{digest}, {several} left out"),
+        });
+        given.insert(task, files);
+    }
+    Ok((told, given))
 }

@@ -6,6 +6,7 @@ use std::sync::Mutex;
 use serde::de::DeserializeOwned;
 
 use super::commands::Commands;
+use super::given::recordings_in;
 use super::hold::hold;
 use super::ingredients::{Ingredients, RECORDING_SEED};
 use super::method::{MVP, Method};
@@ -233,15 +234,30 @@ impl<'a> Workshop<'a> {
         Ok(())
     }
 
-    /// The recordings of a task, in order, at least so many.
+    /// The recordings of a task that count as demonstrations, in order, at least so many.
     fn recordings(&self, task: &str, wanted: usize) -> Result<Vec<PathBuf>, CliError> {
-        let given = self.paper.demos.as_ref().map(|folder| folder.join(task));
-        let folder = given
-            .clone()
-            .unwrap_or_else(|| self.work.join("demos").join(task));
+        let demos = self.paper.demos.clone();
+        let folder = demos.unwrap_or_else(|| self.work.join("demos")).join(task);
+        let files = match self.ingredients.given(task) {
+            Some(given) => given.to_vec(),
+            None => self.recorded(task, &folder, wanted)?,
+        };
+        if files.len() < wanted {
+            return Err(CliError::TooFewRecordings {
+                folder,
+                task: task.to_owned(),
+                found: files.len(),
+                wanted,
+            });
+        }
+        Ok(files)
+    }
+
+    /// The recordings of a task in a folder, in order; where they are fewer than wanted, they are recorded.
+    fn recorded(&self, task: &str, folder: &Path, wanted: usize) -> Result<Vec<PathBuf>, CliError> {
         let _one_records = self.recording.lock().expect("no one panics with it");
-        if given.is_none() && files_of(&folder).len() < wanted {
-            let _alone = hold(&folder)?;
+        if recordings_in(folder).len() < wanted {
+            let _alone = hold(folder)?;
             let count = wanted.max(if self.paper.quick { 0 } else { RECORDED });
             let command = [
                 "record".into(),
@@ -252,20 +268,11 @@ impl<'a> Workshop<'a> {
                 RECORDING_SEED.to_string().into(),
                 "--vary".into(),
                 "--out".into(),
-                folder.clone().into(),
+                folder.into(),
             ];
             self.commands.run(&command, None)?;
         }
-        let files = files_of(&folder);
-        if files.len() < wanted {
-            return Err(CliError::TooFewRecordings {
-                folder,
-                task: task.to_owned(),
-                found: files.len(),
-                wanted,
-            });
-        }
-        Ok(files)
+        Ok(recordings_in(folder))
     }
 }
 
@@ -286,17 +293,6 @@ pub(super) fn evaluation(
     words.extend(method.running().iter().map(OsString::from));
     words.push("--json".into());
     words
-}
-
-/// The recordings of a folder, sorted by name.
-fn files_of(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut files: Vec<PathBuf> = entries
-        .map(|entry| entry.path())
-        .filter(|path| path.extension().is_some_and(|e| e == "mcap"))
-        .collect();
-    files.sort_unstable();
-    files
 }
 
 /// Where a task is described, below the root.
