@@ -18,6 +18,7 @@ mod loaded;
 mod localise;
 mod merging;
 mod progress;
+mod recipe;
 mod record;
 mod resume;
 mod revision;

@@ -158,13 +158,14 @@ pub(super) enum CliError {
     },
     /// A file holds what was measured with other settings, on other demonstrations or by another version.
     #[error(
-        "{} holds what was measured otherwise (other flags, demonstrations, tasks, model, machine or version): --out DIR keeps \
-         both, --replace measures it anew",
+        "{} holds what was measured otherwise: {what}. --out DIR keeps both, --replace measures it anew",
         file.display()
     )]
     CellOfOthers {
         /// The file.
         file: PathBuf,
+        /// How what it was made of differs, so far as it tells.
+        what: String,
     },
     /// A composition beside another target.
     #[error(

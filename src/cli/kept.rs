@@ -9,6 +9,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::error::CliError;
+use super::recipe::Recipe;
 use crate::model::indented_json;
 use crate::storage::write_file;
 use crate::wording::counted;
@@ -37,27 +38,36 @@ pub(super) struct Missing {
 
 impl Missing {
     /// None where the file is there and was made of the same ingredients, so that it need not be made again; says so.
+    /// `recipe` tells them by name.
     ///
     /// # Errors
-    /// [`CliError::CellOfOthers`] where it was made of others, unless it may be replaced.
+    /// Unless it may be replaced, [`CliError::CellOfOthers`] where it was made of others, and [`CliError::CellBroken`] where
+    /// it is none such.
     pub(super) fn unless_kept<T: DeserializeOwned>(
         file: PathBuf,
         digest: String,
         may_replace: bool,
+        recipe: impl FnOnce() -> Result<Recipe, CliError>,
     ) -> Result<Option<Self>, CliError> {
         let found =
             kept::<Value>(&file).or_else(|e| if may_replace { Ok(None) } else { Err(e) })?;
         let Some(found) = found else {
             return Ok(Some(Self { file, digest }));
         };
-        if found["digest"] == digest && kept::<T>(&file).is_ok() {
+        let is_same = found["digest"] == digest;
+        let read = kept::<T>(&file);
+        if is_same && read.is_ok() {
             println!("kept: {}", file.display());
             return Ok(None);
         }
         if may_replace {
             return Ok(Some(Self { file, digest }));
         }
-        Err(CliError::CellOfOthers { file })
+        if is_same {
+            read?;
+        }
+        let what = recipe()?.differences(&found);
+        Err(CliError::CellOfOthers { file, what })
     }
 
     /// The same where a file is kept, too, that differs in the number of its episodes alone; says so. `digest_of` makes the
@@ -70,6 +80,7 @@ impl Missing {
         episodes: usize,
         digest_of: impl Fn(usize) -> Result<String, CliError>,
         may_replace: bool,
+        recipe: impl FnOnce() -> Result<Recipe, CliError>,
     ) -> Result<Option<Self>, CliError> {
         if !may_replace
             && let Some(found) = kept::<Value>(&file)?
@@ -85,7 +96,7 @@ impl Missing {
             );
             return Ok(None);
         }
-        Self::unless_kept::<T>(file, digest_of(episodes)?, may_replace)
+        Self::unless_kept::<T>(file, digest_of(episodes)?, may_replace, recipe)
     }
 }
 
@@ -102,6 +113,14 @@ pub(super) fn keep_text(file: &Path, text: &[u8]) -> Result<(), CliError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::recipe::Ingredient;
+
+    fn recipe() -> Result<Recipe, CliError> {
+        Ok(Recipe {
+            named: vec![Ingredient::Value("the seed", "/seed", serde_json::json!(2))],
+            unnamed: vec!["the version"],
+        })
+    }
 
     #[test]
     fn a_cell_of_another_number_of_episodes_is_kept_unless_more_differs() {
@@ -109,8 +128,13 @@ mod tests {
         let file = place.path().join("cell.json");
         let missing = |ingredients: &str, episodes, may_replace| {
             let digest_of = |episodes: usize| Ok(format!("{ingredients}, {episodes}"));
-            let file = file.clone();
-            Missing::unless_kept_of_any_episodes::<Value>(file, episodes, digest_of, may_replace)
+            Missing::unless_kept_of_any_episodes::<Value>(
+                file.clone(),
+                episodes,
+                digest_of,
+                may_replace,
+                recipe,
+            )
         };
         let new = missing("a", 3, false).unwrap().expect("not there");
         assert_eq!(new.digest, "a, 3");
@@ -134,7 +158,7 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let file = place.path().join("cell.json");
         let missing = |digest: &str, may_replace| {
-            Missing::unless_kept::<Value>(file.clone(), digest.to_owned(), may_replace)
+            Missing::unless_kept::<Value>(file.clone(), digest.to_owned(), may_replace, recipe)
         };
         assert!(missing("a", false).unwrap().is_some(), "not there");
         keep(&file, &serde_json::json!({"digest": "a"})).unwrap();
@@ -143,6 +167,16 @@ mod tests {
         let refused = missing("b", false).err().unwrap().to_string();
         assert!(
             refused.contains("cell.json") && refused.contains("--replace"),
+            "{refused}"
+        );
+        assert!(refused.contains("does not name: the version"), "{refused}");
+        let no_cell = Missing::unless_kept::<bool>(file.clone(), "a".to_owned(), false, recipe);
+        let no_cell = no_cell.err().unwrap().to_string();
+        assert!(no_cell.contains("restore it"), "{no_cell}");
+        keep(&file, &serde_json::json!({"digest": "a", "seed": 1})).unwrap();
+        let refused = missing("b", false).err().unwrap().to_string();
+        assert!(
+            refused.contains("the seed is 1 there and 2 here"),
             "{refused}"
         );
         assert!(missing("b", true).unwrap().is_some());

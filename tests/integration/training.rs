@@ -351,6 +351,14 @@ fn other_recordings_are_another_training_and_replace_nothing_unasked() {
         said.contains("siamese_seed1.json") && said.contains("--replace"),
         "{said}"
     );
+    assert!(said.contains("does not name: the recordings"), "{said}");
+    let of_more_steps = ["fig5", "--quick", "--steps", "3", "--methods", "siamese"];
+    let words = [&of_more_steps[..], &["--demonstrations", "1"]].concat();
+    let said = text(&experiment(folder.path(), &words).stderr);
+    assert!(
+        said.contains("the commands differ") && said.contains("--steps 3 --seed 1` here"),
+        "{said}"
+    );
     let said = text(&fig5(&["--demonstrations", "1,2"]).stderr);
     assert!(said.contains("one number of demonstrations"), "{said}");
     assert_eq!(folders(), 1);

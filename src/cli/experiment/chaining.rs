@@ -8,6 +8,7 @@ use crate::cli::error::CliError;
 use crate::cli::evaluate::{bedroom, episodes};
 use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::cli::loaded::{Loaded, graph_digests};
+use crate::cli::recipe::{Ingredient, Recipe};
 use crate::cli::revision::revision;
 use crate::cli::worlds::composed;
 use crate::composer::Composition;
@@ -58,6 +59,7 @@ pub(super) fn chaining(
             evaluated.episodes,
             digest_of,
             chaining_arguments.replace,
+            || recipe(&loaded, evaluated),
         )?;
         missing.extend(cell.map(|missing| (method, missing)));
     }
@@ -126,6 +128,37 @@ fn digest_of(
     })
 }
 
+/// What a cell would be made of now.
+fn recipe(loaded: &Loaded, evaluated: &EvaluateArguments) -> Result<Recipe, CliError> {
+    let composition = loaded.composition.name.as_str();
+    let level = level_of(&bedroom(loaded, evaluated)?);
+    let episodes = evaluated.episodes;
+    Ok(Recipe {
+        named: vec![
+            Ingredient::Value("the composition", "/evaluation/name", composition.into()),
+            Ingredient::Value("the level", "/evaluation/level", level.into()),
+            Ingredient::Value("the number of episodes", "/episodes", episodes.into()),
+            Ingredient::Value(
+                "the seed of the first episode",
+                "/seed",
+                evaluated.seed.into(),
+            ),
+        ],
+        unnamed: vec![
+            "what the composition says",
+            "the model",
+            "the graphs",
+            "what the bedroom's settings are",
+            "the version of catena",
+        ],
+    })
+}
+
+/// How much a bedroom varies, as evaluations call it.
+fn level_of(bedroom: &BedroomConfig) -> String {
+    format!("{:?}", bedroom.level).to_lowercase()
+}
+
 fn rate(cell: &ChainingCell) -> Rate {
     Rate {
         label: cell.method.described().to_owned(),
@@ -172,7 +205,7 @@ fn measure(
     let names: Vec<String> = judged.subgoals().iter().map(|s| s.name.clone()).collect();
     let evaluation = Evaluation::new(
         &loaded.composition.name,
-        &format!("{:?}", bedroom.level).to_lowercase(),
+        &level_of(&bedroom),
         evaluated.seed,
         loaded.model.engine().name(),
         &names,

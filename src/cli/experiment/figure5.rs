@@ -10,6 +10,7 @@ use super::workshop::Workshop;
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
 use crate::cli::kept::{Missing, keep, keep_text, kept};
+use crate::cli::recipe::{Ingredient, Recipe};
 use crate::experiment::{LossCurve, LossPoint, losses_table};
 use crate::training::TrainedModel;
 use crate::view::{Panel, write_curves_svg};
@@ -34,7 +35,8 @@ pub(super) fn figure_5(paper: &PaperArguments, arguments: &Arguments) -> Result<
                 let ingredients = workshop.ingredients(method);
                 let digest = digest(&(method.name, demonstrations, words, ingredients))?;
                 let file = curve_file(&out, method.name, seed);
-                let missing = workshop.missing::<LossCurve>(file, digest)?;
+                let recipe = || Ok(recipe(&workshop, method, demonstrations, &size, seed));
+                let missing = workshop.missing::<LossCurve>(file, digest, recipe)?;
                 curves.extend(missing.map(|missing| (method, seed, missing)));
             }
         }
@@ -49,6 +51,27 @@ fn curve_file(out: &Path, method: &str, seed: u64) -> PathBuf {
     out.join(format!("{method}_seed{seed}.json"))
 }
 
+/// The command behind a curve, without the folder that it works in.
+fn command(method: &Method, size: &Size, seed: u64) -> String {
+    format!("catena train ... {}", size.training(method, seed).join(" "))
+}
+
+/// What a curve would be made of now.
+fn recipe(
+    workshop: &Workshop<'_>,
+    method: &Method,
+    demonstrations: usize,
+    size: &Size,
+    seed: u64,
+) -> Recipe {
+    let number = "the number of demonstrations";
+    let named = vec![
+        Ingredient::Value(number, "/demonstrations", demonstrations.into()),
+        Ingredient::Commands(vec![command(method, size, seed)]),
+    ];
+    workshop.recipe(method, named, &["the recordings"])
+}
+
 fn measure(
     workshop: &Workshop<'_>,
     method: &Method,
@@ -57,7 +80,6 @@ fn measure(
     seed: u64,
     Missing { file, digest }: Missing,
 ) -> Result<(), CliError> {
-    let words = size.training(method, seed);
     let trained = workshop.trained(method, demonstrations, size, seed, false)?;
     let csv = trained.run.join("losses.csv");
     let text = fs::read_to_string(&csv).map_err(CliError::io(&csv))?;
@@ -68,7 +90,7 @@ fn measure(
         seed,
         weights: model.as_ref().map_or(0, TrainedModel::weight_count),
         digest,
-        commands: vec![format!("catena train ... {}", words.join(" "))],
+        commands: vec![command(method, size, seed)],
         commit: workshop.commit.clone(),
         is_quick: size.is_quick,
         config: model.map_or(Ok(serde_json::Value::Null), |m| {

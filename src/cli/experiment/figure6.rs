@@ -14,6 +14,7 @@ use crate::cli::baseline::goal_state;
 use crate::cli::error::CliError;
 use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::cli::loaded::{Loaded, bedroom};
+use crate::cli::recipe::{Ingredient, Recipe};
 use crate::cli::worlds::composed;
 use crate::environment::Environment;
 use crate::inference::Baseline;
@@ -121,7 +122,9 @@ pub(super) fn figure_6(paper: &PaperArguments, arguments: &Arguments) -> Result<
                     size.episodes,
                     size.seed,
                 ))?;
-                let missing = workshop.missing::<CertaintyCell>(cell_file(&out, line), digest)?;
+                let recipe = || Ok(recipe(&workshop, &method, demonstrations, &size));
+                let file = cell_file(&out, line);
+                let missing = workshop.missing::<CertaintyCell>(file, digest, recipe)?;
                 lines.extend(missing.map(|missing| (line, missing)));
             }
             jobs.push(lines);
@@ -137,6 +140,22 @@ pub(super) fn figure_6(paper: &PaperArguments, arguments: &Arguments) -> Result<
 
 fn cell_file(out: &Path, line: &Line) -> PathBuf {
     out.join(format!("{}.json", line.name))
+}
+
+/// What a cell would be made of now.
+fn recipe(workshop: &Workshop<'_>, method: &Method, demonstrations: usize, size: &Size) -> Recipe {
+    let number = |what, place, now: u64| Ingredient::Value(what, place, now.into());
+    let named = vec![
+        number(
+            "the number of demonstrations",
+            "/demonstrations",
+            demonstrations as u64,
+        ),
+        number("the number of episodes", "/episodes", size.episodes as u64),
+        number("the seed of the first episode", "/seed", size.seed),
+    ];
+    let unnamed = ["the recordings", "the flags of the training"];
+    workshop.recipe(method, named, &unnamed)
 }
 
 /// Measures a line, training its method if need be.

@@ -75,6 +75,22 @@ impl Ingredients {
         [&self.recordings, &self.tasks, self.particulars(method)]
     }
 
+    /// What cells of a method depend on and do not name.
+    pub(super) fn unnamed(&self, method: &Method) -> Vec<&'static str> {
+        let mut unnamed = vec![
+            "the files of the tasks",
+            "whether recordings are given (--demos)",
+            "the version of catena",
+        ];
+        if method.name == MVP {
+            unnamed.push("the frozen encoder");
+        }
+        if method.has_memory {
+            unnamed.push("how states are weighed in its training");
+        }
+        unnamed
+    }
+
     /// A mark in a folder's name of what a method learns from and how, where its name does not tell: what is made
     /// otherwise lies beside it. None of what this program records.
     pub(super) fn mark(&self, method: &Method) -> Result<String, CliError> {

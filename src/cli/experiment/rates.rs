@@ -8,10 +8,11 @@ use serde_json::Value;
 
 use super::method::{Method, TABLE_1, TABLE_3, chosen};
 use super::plan::{QUICK_NOTE, Size, digest, out, rising};
-use super::workshop::{Trained, Workshop, evaluation};
+use super::workshop::{Trained, Workshop, evaluation, recordings_name};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
 use crate::cli::kept::{Missing, keep, keep_text, kept};
+use crate::cli::recipe::{Ingredient, Recipe};
 use crate::experiment::{
     Evaluation, PAPER_TABLE_1, PAPER_TABLE_3, PAPER_TASKS, PublishedRate, RateCell,
     paper_rate_of_all, rate_of_all, rates_table,
@@ -179,8 +180,13 @@ impl<'a> Row<'a> {
                 ))
             };
             let file = cell_file(out, method, demonstrations, task);
-            let missing =
-                workshop.missing_of_any_episodes::<RateCell>(file, size.episodes, digest_of)?;
+            let recipe = || recipe(workshop, method, demonstrations, size, task);
+            let missing = workshop.missing_of_any_episodes::<RateCell>(
+                file,
+                size.episodes,
+                digest_of,
+                recipe,
+            )?;
             cells.extend(missing.map(|missing| (task, missing)));
         }
         Ok(Self {
@@ -226,6 +232,28 @@ impl<'a> Row<'a> {
     }
 }
 
+/// What a cell would be made of now.
+fn recipe(
+    workshop: &Workshop<'_>,
+    method: &Method,
+    demonstrations: usize,
+    size: &Size,
+    task: &str,
+) -> Result<Recipe, CliError> {
+    let seed = size.training_seed;
+    let place = workshop.place(method, demonstrations, size, seed)?;
+    let evaluated = workshop.shown(&place, &evaluation(method, &place, task, size), None);
+    let commands = commands(method, &size.training(method, seed), evaluated);
+    let mut named = workshop.recordings_now(demonstrations);
+    let unnamed: &[&str] = if named.len() < PAPER_TASKS.len() {
+        &["the recordings, which are not all there"]
+    } else {
+        &[]
+    };
+    named.push(Ingredient::Commands(commands));
+    Ok(workshop.recipe(method, named, unnamed))
+}
+
 /// The commands behind a cell, in order, without the folder that they work in.
 fn commands(method: &Method, words: &[String], evaluation: String) -> Vec<String> {
     let mut commands = vec![format!("catena train ... {}", words.join(" "))];
@@ -248,7 +276,7 @@ fn digests_of(trained: &Trained) -> Result<BTreeMap<String, String>, CliError> {
     let datasets = manifest["training"]["datasets"].as_object();
     for (task, digest) in datasets.into_iter().flatten() {
         if let Some(digest) = digest.as_str() {
-            digests.insert(format!("demonstrations of {task}"), digest.to_owned());
+            digests.insert(recordings_name(task), digest.to_owned());
         }
     }
     Ok(digests)

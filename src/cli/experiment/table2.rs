@@ -11,6 +11,7 @@ use super::workshop::{Workshop, evaluation};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
 use crate::cli::kept::{Missing, keep, keep_text, kept};
+use crate::cli::recipe::{Ingredient, Recipe};
 use crate::experiment::Evaluation;
 
 const NAME: &str = "table2";
@@ -83,7 +84,8 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
                 cores,
             ))?;
             let file = cell_file(&out, &method, demonstrations, engine);
-            let missing = workshop.missing::<TimeCell>(file, digest)?;
+            let recipe = || recipe(&workshop, (&method, demonstrations), &size, engine, cores);
+            let missing = workshop.missing::<TimeCell>(file, digest, recipe)?;
             cells.extend(missing.map(|cell| (method, demonstrations, engine, described, cell)));
         }
     }
@@ -118,6 +120,25 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
     numbers.sort_unstable();
     numbers.dedup();
     draw(&out, &numbers)
+}
+
+/// What a cell of a method and a number of demonstrations would be made of now.
+fn recipe(
+    workshop: &Workshop<'_>,
+    (method, demonstrations): (&Method, usize),
+    size: &Size,
+    engine: &str,
+    cores: usize,
+) -> Result<Recipe, CliError> {
+    let place = workshop.place(method, demonstrations, size, size.training_seed)?;
+    let command = evaluation(method, &place, TASK, size);
+    let command = workshop.shown(&place, &command, Some(engine));
+    let named = vec![
+        Ingredient::Value("the number of processors", "/cores", cores.into()),
+        Ingredient::Commands(vec![command]),
+    ];
+    let unnamed = ["the recordings", "the flags of the training"];
+    Ok(workshop.recipe(method, named, &unnamed))
 }
 
 fn cell_file(out: &Path, method: &Method, demonstrations: usize, engine: &str) -> PathBuf {

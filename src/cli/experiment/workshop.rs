@@ -15,9 +15,10 @@ use super::side_by_side::side_by_side;
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
 use crate::cli::kept::{Missing, keep_text};
+use crate::cli::recipe::{Ingredient, Recipe};
 use crate::cli::revision::revision;
 use crate::experiment::PAPER_TASKS;
-use crate::storage::write_file;
+use crate::storage::{demonstrations_digest, write_file};
 use crate::training::RunFolder;
 
 /// Recordings of each task that are made; experiments take the first of them.
@@ -100,8 +101,9 @@ impl<'a> Workshop<'a> {
         &self,
         file: PathBuf,
         digest: String,
+        recipe: impl FnOnce() -> Result<Recipe, CliError>,
     ) -> Result<Option<Missing>, CliError> {
-        Missing::unless_kept::<T>(file, digest, self.paper.replace)
+        Missing::unless_kept::<T>(file, digest, self.paper.replace, recipe)
     }
 
     /// The same where one of another number of episodes is kept, too.
@@ -110,9 +112,35 @@ impl<'a> Workshop<'a> {
         file: PathBuf,
         episodes: usize,
         digest_of: impl Fn(usize) -> Result<String, CliError>,
+        recipe: impl FnOnce() -> Result<Recipe, CliError>,
     ) -> Result<Option<Missing>, CliError> {
-        let may_replace = self.paper.replace;
-        Missing::unless_kept_of_any_episodes::<T>(file, episodes, digest_of, may_replace)
+        let replace = self.paper.replace;
+        Missing::unless_kept_of_any_episodes::<T>(file, episodes, digest_of, replace, recipe)
+    }
+
+    /// What a cell of a method would be made of now: what it names, and what it does not, beside what none does.
+    pub(super) fn recipe(
+        &self,
+        method: &Method,
+        named: Vec<Ingredient>,
+        unnamed: &[&'static str],
+    ) -> Recipe {
+        let unnamed = [unnamed, &self.ingredients.unnamed(method)].concat();
+        Recipe { named, unnamed }
+    }
+
+    /// The first recordings of each task as cells name them; none of a task that has not so many yet.
+    pub(super) fn recordings_now(&self, demonstrations: usize) -> Vec<Ingredient> {
+        let of_task = |task: &str| {
+            let files = match self.ingredients.given(task) {
+                Some(given) => given.to_vec(),
+                None => recordings_in(&self.work.join("demos").join(task)),
+            };
+            let digest = demonstrations_digest(files.get(..demonstrations)?).ok()?;
+            let (what, place) = (format!("the recordings of {task}"), recordings_place(task));
+            Some(Ingredient::Digest(what, place, digest))
+        };
+        PAPER_TASKS.into_iter().filter_map(of_task).collect()
     }
 
     /// Does each job, as many beside each other as was asked for.
@@ -150,22 +178,9 @@ impl<'a> Workshop<'a> {
         seed: u64,
         with_graphs: bool,
     ) -> Result<Trained, CliError> {
-        let steps = size.steps_of(method);
-        let (name, mark) = (method.name, self.ingredients.mark(method)?);
-        let name = format!("{name}_{demonstrations}{mark}_seed{seed}_steps{steps}");
-        let root = self.work.join(name);
-        let _alone = hold(&root)?;
-        self.furnish(&root, demonstrations)?;
-        let model = root.join(if method.plans {
-            "graphs/bedroom/model"
-        } else {
-            "policy"
-        });
-        let trained = Trained {
-            run: root.join("run"),
-            model,
-            root,
-        };
+        let trained = self.place(method, demonstrations, size, seed)?;
+        let _alone = hold(&trained.root)?;
+        self.furnish(&trained.root, demonstrations)?;
         self.train(method, &trained, &size.training(method, seed))?;
         if method.plans && with_graphs {
             for task in PAPER_TASKS {
@@ -183,6 +198,30 @@ impl<'a> Workshop<'a> {
             }
         }
         Ok(trained)
+    }
+
+    /// Where a method is trained; nothing need be there yet.
+    pub(super) fn place(
+        &self,
+        method: &Method,
+        demonstrations: usize,
+        size: &Size,
+        seed: u64,
+    ) -> Result<Trained, CliError> {
+        let steps = size.steps_of(method);
+        let (name, mark) = (method.name, self.ingredients.mark(method)?);
+        let name = format!("{name}_{demonstrations}{mark}_seed{seed}_steps{steps}");
+        let root = self.work.join(name);
+        let model = root.join(if method.plans {
+            "graphs/bedroom/model"
+        } else {
+            "policy"
+        });
+        Ok(Trained {
+            run: root.join("run"),
+            model,
+            root,
+        })
     }
 
     fn train(&self, method: &Method, trained: &Trained, words: &[String]) -> Result<(), CliError> {
@@ -293,6 +332,16 @@ pub(super) fn evaluation(
     words.extend(method.running().iter().map(OsString::from));
     words.push("--json".into());
     words
+}
+
+/// Where a cell has the digest of a task's recordings, as a JSON pointer.
+fn recordings_place(task: &str) -> String {
+    format!("/digests/{}", recordings_name(task))
+}
+
+/// What a cell calls the digest of a task's recordings.
+pub(super) fn recordings_name(task: &str) -> String {
+    format!("demonstrations of {task}")
 }
 
 /// Where a task is described, below the root.
