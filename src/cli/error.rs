@@ -517,7 +517,10 @@ mod tests {
         let path = PathBuf::from("model/policy.onnx");
         let error = CliError::from(InferenceError::FileUnreadable { path, source });
         let cause = std::error::Error::source(&error);
-        assert!(cause.is_some_and(|e| e.is::<std::io::Error>()), "{error:?}");
+        assert!(
+            cause.is_some_and(<dyn std::error::Error>::is::<std::io::Error>),
+            "{error:?}"
+        );
         assert_eq!(
             error.report(),
             "error: cannot read model/policy.onnx: the disk is gone; a model folder is written by `catena train`"

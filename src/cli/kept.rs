@@ -115,11 +115,11 @@ mod tests {
     use super::*;
     use crate::cli::recipe::Ingredient;
 
-    fn recipe() -> Result<Recipe, CliError> {
-        Ok(Recipe {
+    fn recipe() -> Recipe {
+        Recipe {
             named: vec![Ingredient::Value("the seed", "/seed", serde_json::json!(2))],
             unnamed: vec!["the version"],
-        })
+        }
     }
 
     #[test]
@@ -133,7 +133,7 @@ mod tests {
                 episodes,
                 digest_of,
                 may_replace,
-                recipe,
+                || Ok(recipe()),
             )
         };
         let new = missing("a", 3, false).unwrap().expect("not there");
@@ -158,7 +158,9 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let file = place.path().join("cell.json");
         let missing = |digest: &str, may_replace| {
-            Missing::unless_kept::<Value>(file.clone(), digest.to_owned(), may_replace, recipe)
+            Missing::unless_kept::<Value>(file.clone(), digest.to_owned(), may_replace, || {
+                Ok(recipe())
+            })
         };
         assert!(missing("a", false).unwrap().is_some(), "not there");
         keep(&file, &serde_json::json!({"digest": "a"})).unwrap();
@@ -170,7 +172,8 @@ mod tests {
             "{refused}"
         );
         assert!(refused.contains("does not name: the version"), "{refused}");
-        let no_cell = Missing::unless_kept::<bool>(file.clone(), "a".to_owned(), false, recipe);
+        let no_cell =
+            Missing::unless_kept::<bool>(file.clone(), "a".to_owned(), false, || Ok(recipe()));
         let no_cell = no_cell.err().unwrap().to_string();
         assert!(no_cell.contains("restore it"), "{no_cell}");
         keep(&file, &serde_json::json!({"digest": "a", "seed": 1})).unwrap();

@@ -299,7 +299,10 @@ fn picture_that_cannot_be_written_names_its_file() {
         .expect_err("a file is no folder");
     assert!(error.to_string().contains("graph.svg"), "{error}");
     let cause = std::error::Error::source(&error);
-    assert!(cause.is_some_and(|e| e.is::<std::io::Error>()), "{error:?}");
+    assert!(
+        cause.is_some_and(<dyn std::error::Error>::is::<std::io::Error>),
+        "{error:?}"
+    );
 }
 
 #[test]

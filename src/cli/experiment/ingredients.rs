@@ -76,7 +76,7 @@ impl Ingredients {
     }
 
     /// What cells of a method depend on and do not name.
-    pub(super) fn unnamed(&self, method: &Method) -> Vec<&'static str> {
+    pub(super) fn unnamed(method: &Method) -> Vec<&'static str> {
         let mut unnamed = vec![
             "the files of the tasks",
             "whether recordings are given (--demos)",

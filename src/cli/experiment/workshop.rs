@@ -125,7 +125,7 @@ impl<'a> Workshop<'a> {
         named: Vec<Ingredient>,
         unnamed: &[&'static str],
     ) -> Recipe {
-        let unnamed = [unnamed, &self.ingredients.unnamed(method)].concat();
+        let unnamed = [unnamed, &Ingredients::unnamed(method)].concat();
         Recipe { named, unnamed }
     }
 
