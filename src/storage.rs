@@ -13,6 +13,7 @@ mod cdr;
 mod convert;
 mod decode;
 mod demonstrations;
+mod depth;
 mod digest;
 mod episode;
 mod error;

@@ -49,6 +49,7 @@ fn warn(task: &str, reports: &[RecordingReport]) {
             None => {}
         }
     }
+    tell_unused(task, reports);
     let kept = reports.iter().filter(|r| r.left_out.is_none());
     let told: BTreeSet<&str> = kept.map(|r| r.task.as_str()).collect();
     if told.len() > 1 {
@@ -57,6 +58,19 @@ fn warn(task: &str, reports: &[RecordingReport]) {
         eprintln!(
             "warning: the recordings of '{task}' call their task {told}; all of them are taken as one task"
         );
+    }
+}
+
+/// What is there and not used, such as depth cameras, once for all recordings.
+fn tell_unused(task: &str, reports: &[RecordingReport]) {
+    const SHOWN: usize = 8;
+    let notes: BTreeSet<&String> = reports.iter().flat_map(|r| &r.notes).collect();
+    for note in notes.iter().take(SHOWN) {
+        eprintln!("note: not used in the recordings of '{task}': {note}");
+    }
+    if notes.len() > SHOWN {
+        let more = notes.len() - SHOWN;
+        eprintln!("note: and {more} more, which `catena demos` shows");
     }
 }
 

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder as _};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -24,6 +26,17 @@ pub(super) fn picture(height: u32, width: u32, step: usize) -> Image {
         }
     }
     Image::new(height, width, rgb).unwrap()
+}
+
+/// A picture of depths as depth cameras give it: the bytes of a PNG with grey values of 16 bits, millimetres.
+pub(super) fn depth_picture(height: u32, width: u32) -> Vec<u8> {
+    let millimetres = (0..height * width).map(|i| 1500 + i as u16);
+    let values: Vec<u8> = millimetres.flat_map(u16::to_ne_bytes).collect();
+    let mut bytes = Vec::new();
+    PngEncoder::new(&mut bytes)
+        .write_image(&values, width, height, ExtendedColorType::L16)
+        .unwrap();
+    bytes
 }
 
 /// Primitives, the cameras `head` 90x160 and `wrist` 45x80, 5 Hz, markers at a third and at the end.

@@ -59,7 +59,9 @@ impl<'a> Layout<'a> {
             match &topic.role {
                 Role::Camera(format) => layout.add_camera(*format, topic),
                 Role::Action(format) => layout.add_actions(*format, topic, scan),
-                Role::UnreadableCamera(reason) => layout.leave(topic, true, reason),
+                Role::UnreadableCamera(reason) | Role::Depth(reason) => {
+                    layout.leave(topic, true, reason);
+                }
                 Role::UnreadableAction(reason) => layout.leave(topic, false, reason),
                 Role::Task | Role::Subgoal | Role::Other => {}
             }

@@ -13,6 +13,7 @@
 //! which other readers pass over.
 
 mod dataset;
+mod depth;
 mod episodes;
 mod films;
 mod frames;

@@ -119,6 +119,25 @@ impl Mapping {
         Ok(())
     }
 
+    /// Refuses a topic or feature that gives no pictures where the file names it as a camera.
+    pub fn check_camera(
+        &self,
+        recording: &Path,
+        topic: &str,
+        why_none: &str,
+    ) -> Result<(), StorageError> {
+        let mut cameras = self.spec.topics.cameras.iter().flatten();
+        let Some((name, place)) = cameras.find(|(_, named)| named.value == topic) else {
+            return Ok(());
+        };
+        let message = format!(
+            "'{topic}' of {} cannot be camera '{name}': {why_none}",
+            recording.display()
+        );
+        let help = "Leave it out of the cameras: pictures have colours, or grey values of 8 bits";
+        Err(self.fault(place, message, help))
+    }
+
     /// Refuses a recording that lacks a camera of which the file names the size.
     pub fn check_sizes(&self, recording: &Path, cameras: &[&str]) -> Result<(), StorageError> {
         let mut sizes = self.spec.image_sizes.iter().flatten();

@@ -160,11 +160,7 @@ mod tests {
 
     #[test]
     fn a_picture_of_depths_is_refused() {
-        let mut bytes = Vec::new();
-        let depths = [1500_u16, 2000].map(u16::to_ne_bytes).concat();
-        PngEncoder::new(&mut bytes)
-            .write_image(&depths, 2, 1, ExtendedColorType::L16)
-            .unwrap();
+        let bytes = crate::storage::fixtures::depth_picture(1, 2);
         let refused = decode_compressed(&bytes, "16UC1; png compressed").unwrap_err();
         assert!(
             refused.contains("16 bits in format '16UC1; png"),

@@ -6,6 +6,7 @@ use super::film::Film;
 use super::layout::{ActionTopic, CameraTopic, Layout};
 use super::scan::{Keep, Scan, TopicScan, seconds_between};
 use super::steps::Steps;
+use super::topic::Role;
 use super::view::View;
 use super::{Loss, RecordingReport, StorageError};
 use crate::trajectory::Trajectory;
@@ -99,6 +100,11 @@ fn check_topics(path: &Path, scan: &Scan, view: &View) -> Result<(), StorageErro
     let Some(mapping) = &view.mapping else {
         return Ok(());
     };
+    for topic in scan.topics.values() {
+        if let Role::Depth(how_told) = &topic.role {
+            mapping.check_camera(path, &topic.channel.topic, how_told)?;
+        }
+    }
     // Of a damaged file they may be what is gone.
     if scan.salvage.losses.iter().any(Loss::takes_messages) {
         return Ok(());

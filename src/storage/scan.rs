@@ -6,6 +6,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::decode::{decode_image, without_compression};
+use super::depth::depths_in;
 use super::salvage::{Salvage, salvage};
 use super::topic::{Channel, Role};
 use super::view::View;
@@ -138,6 +139,13 @@ impl TopicScan {
         }
         self.first_nanos = self.first_nanos.min(nanos);
         self.last_nanos = self.last_nanos.max(nanos);
+        // What no picture is made of is not kept in memory.
+        if self.messages == 1
+            && let Role::Camera(format) = self.role
+            && let Some(how_told) = depths_in(format, &data)
+        {
+            self.role = Role::Depth(how_told);
+        }
         match self.role {
             Role::Camera(format) => {
                 if keep == Keep::FirstImages {
@@ -150,7 +158,10 @@ impl TopicScan {
                 self.kept.push((nanos, data));
             }
             Role::Action(_) | Role::Task | Role::Subgoal => self.kept.push((nanos, data)),
-            Role::UnreadableCamera(_) | Role::UnreadableAction(_) | Role::Other => {}
+            Role::UnreadableCamera(_)
+            | Role::UnreadableAction(_)
+            | Role::Depth(_)
+            | Role::Other => {}
         }
     }
 

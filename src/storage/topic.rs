@@ -24,6 +24,8 @@ pub(super) enum Role {
     /// Images or actions in a packing that is not understood, and why.
     UnreadableCamera(String),
     UnreadableAction(String),
+    /// Depths instead of images, and how that is told.
+    Depth(String),
     Action(ActionFormat),
     Task,
     Subgoal,

@@ -1,7 +1,10 @@
 //! A dataset that is open: its metadata, and what of it a view uses.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
+use super::depth::{Depth, columns_of_depths};
 use super::episodes::{Episode, episode_files, load_episodes};
 use super::info::{ACTION, Feature, Info, listed};
 use super::restored::Restored;
@@ -18,6 +21,17 @@ pub(in crate::storage) struct Dataset {
     /// The files that describe them.
     described_in: Vec<PathBuf>,
     pub(super) restored: Option<Restored>,
+    /// Columns whose pictures hold depths, with how that is told; looked for when cameras are first asked for.
+    columns_of_depths: OnceLock<BTreeMap<String, String>>,
+}
+
+/// The features that a view uses as cameras.
+#[derive(Default)]
+pub(super) struct Cameras<'a> {
+    /// By name.
+    pub used: Vec<Camera<'a>>,
+    /// Depth maps that no mapping file speaks of, each with what tells that it is one.
+    pub left_out: Vec<String>,
 }
 
 /// A feature that is used as a camera.
@@ -40,6 +54,7 @@ impl Dataset {
             episodes: load_episodes(root, &info, &described_in)?,
             described_in,
             restored: Restored::load(root)?,
+            columns_of_depths: OnceLock::new(),
             info,
         })
     }
@@ -83,35 +98,26 @@ impl Dataset {
         ours.unwrap_or_else(|| episode.tasks.join("; "))
     }
 
-    /// The cameras that a view uses, by name.
-    pub(super) fn cameras(&self, view: &View) -> Result<Vec<Camera<'_>>, StorageError> {
-        let mapping = view.mapping.as_ref();
-        let name = |key: &str| match mapping.map(|m| m.camera_of(key)) {
-            Some(SaidOfTopic::Camera(name)) => Some(name.to_owned()),
-            Some(SaidOfTopic::NoCamera) => None,
-            Some(SaidOfTopic::Nothing) | None => Some(plain_name(key)),
-        };
-        let mut cameras: Vec<_> = self
-            .info
-            .cameras()
-            .filter_map(|(key, feature, is_video)| {
-                Some(Camera {
-                    key,
-                    name: name(key)?,
-                    feature,
-                    is_video,
-                })
-            })
-            .collect();
-        cameras.sort_by(|a, b| a.name.cmp(&b.name));
-        if let Some(twice) = cameras.windows(2).find(|w| w[0].name == w[1].name) {
+    /// The cameras that a view uses.
+    pub(super) fn cameras(&self, view: &View) -> Result<Cameras<'_>, StorageError> {
+        let mut cameras = Cameras::default();
+        for (key, feature) in &self.info.features {
+            self.take_camera(key, feature, view, &mut cameras)?;
+        }
+        let Cameras { used, left_out } = &mut cameras;
+        used.sort_by(|a, b| a.name.cmp(&b.name));
+        if let Some(twice) = used.windows(2).find(|w| w[0].name == w[1].name) {
             let reason = format!(
                 "features '{}' and '{}' are both camera '{}': give them names in a mapping file",
                 twice[0].key, twice[1].key, twice[0].name
             );
             return Err(fault(&self.root.join(INFO), reason));
         }
-        if cameras.is_empty() {
+        if used.is_empty() && !left_out.is_empty() {
+            let reason = format!("no feature is a camera: {}", left_out.join("; "));
+            return Err(fault(&self.root.join(INFO), reason));
+        }
+        if used.is_empty() {
             let reason = format!(
                 "no feature that is used has dtype 'image' or 'video'; the features are {}",
                 listed(self.info.features.keys())
@@ -119,6 +125,55 @@ impl Dataset {
             return Err(fault(&self.root.join(INFO), reason));
         }
         Ok(cameras)
+    }
+
+    /// Takes a feature for what it is, or refuses a mapping file that names as a camera what gives no pictures.
+    fn take_camera<'a>(
+        &'a self,
+        key: &'a str,
+        feature: &'a Feature,
+        view: &View,
+        cameras: &mut Cameras<'a>,
+    ) -> Result<(), StorageError> {
+        let camera = |name: String| Camera {
+            key,
+            name,
+            feature,
+            is_video: feature.dtype == "video",
+        };
+        let mapping = view.mapping.as_ref();
+        match mapping.map_or(SaidOfTopic::Nothing, |m| m.camera_of(key)) {
+            SaidOfTopic::NoCamera => {}
+            SaidOfTopic::Nothing => match self.depth(key, feature) {
+                Some(depth) => cameras.left_out.push(format!("{key}: {}", depth.told_by)),
+                None if feature.holds_images() => cameras.used.push(camera(plain_name(key))),
+                None => {}
+            },
+            SaidOfTopic::Camera(name) => {
+                let depth = self.depth(key, feature).filter(|depth| depth.is_sure);
+                let other =
+                    (!feature.holds_images()).then(|| format!("its dtype is '{}'", feature.dtype));
+                let why_none = depth.map(|depth| depth.told_by).or(other);
+                if let (Some(mapping), Some(why_none)) = (mapping, why_none) {
+                    mapping.check_camera(&self.root, key, &why_none)?;
+                }
+                cameras.used.push(camera(name.to_owned()));
+            }
+        }
+        Ok(())
+    }
+
+    /// What a feature is taken for a depth map by, if it is.
+    fn depth(&self, key: &str, feature: &Feature) -> Option<Depth> {
+        let seen = || {
+            let columns = &self.columns_of_depths;
+            let columns = columns.get_or_init(|| columns_of_depths(self));
+            columns.get(key).map(|told_by| Depth::seen(told_by))
+        };
+        // A dataset of ours holds pictures alone, whatever its cameras are called.
+        let is_ours = self.restored.is_some();
+        let guessed = || Depth::guessed(key, feature).filter(|_| !is_ours);
+        Depth::said(feature).or_else(seen).or_else(guessed)
     }
 
     /// The column of actions that a view uses.

@@ -91,6 +91,12 @@ impl Table {
         Ok(())
     }
 
+    /// How many rows there are.
+    pub fn rows(&self) -> usize {
+        let rows = self.metadata.metadata().file_metadata().num_rows();
+        usize::try_from(rows).unwrap_or(0)
+    }
+
     /// Names of the columns.
     pub fn columns(&self) -> Vec<String> {
         let fields = self.metadata.schema().fields();

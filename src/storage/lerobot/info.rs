@@ -6,6 +6,7 @@ use std::io::Read as _;
 use std::path::Path;
 
 use serde::Deserialize;
+use serde_json::Value;
 
 use super::names::Names;
 use super::{INFO, StorageError, fault};
@@ -52,6 +53,11 @@ pub(super) struct Feature {
     pub shape: Vec<u64>,
     #[serde(default)]
     pub names: Names,
+    /// What is said of a video or of a depth map, under the name that it has now and the one that it had.
+    #[serde(default)]
+    pub info: Value,
+    #[serde(default)]
+    pub video_info: Value,
 }
 
 /// The column of actions.
@@ -150,18 +156,30 @@ impl Feature {
         }
     }
 
-    /// Rows and columns of an image: of the two layouts the one that its names say, else the one that
-    /// has three channels.
-    pub fn image_size(&self) -> Option<(u32, u32)> {
-        let [a, b, c] = self.shape.as_slice() else {
-            return None;
+    /// Whether it holds images, one by one or as videos.
+    pub fn holds_images(&self) -> bool {
+        matches!(self.dtype.as_str(), "image" | "video")
+    }
+
+    /// Rows, columns and channels of an image: of the two layouts the one that its names say, else the one that
+    /// has few channels.
+    pub fn image_shape(&self) -> Option<[u64; 3]> {
+        let [a, b, c] = match self.shape.as_slice() {
+            [rows, columns] => return Some([*rows, *columns, 1]),
+            [a, b, c] => [*a, *b, *c],
+            _ => return None,
         };
         let channels_first = match self.names.0.first().map(String::as_str) {
             Some("channel" | "channels" | "c") => true,
             Some(_) => false,
-            None => *a <= 4 && *c > 4,
+            None => a <= 4 && c > 4,
         };
-        let (height, width) = if channels_first { (*b, *c) } else { (*a, *b) };
+        Some(if channels_first { [b, c, a] } else { [a, b, c] })
+    }
+
+    /// Rows and columns of an image.
+    pub fn image_size(&self) -> Option<(u32, u32)> {
+        let [height, width, _] = self.image_shape()?;
         Some((u32::try_from(height).ok()?, u32::try_from(width).ok()?))
     }
 }

@@ -1,7 +1,7 @@
 //! An episode of a dataset to a trajectory.
 
 use super::StorageError;
-use super::dataset::{Camera, Dataset};
+use super::dataset::{Camera, Cameras, Dataset};
 use super::rows::Frames;
 use crate::storage::recording::Recording;
 use crate::storage::steps::Steps;
@@ -21,9 +21,9 @@ pub(in crate::storage) fn read_episode(
     let chosen: Vec<u64> = steps.chosen_times();
     let mut report = frames.report(&steps, &cameras, view);
     let wanted = frames.wanted_rows(&steps);
-    let images = frames.images(&cameras, &wanted)?;
+    let images = frames.images(&cameras.used, &wanted)?;
     let mut films = Vec::new();
-    for camera in &cameras {
+    for camera in &cameras.used {
         films.push(frames.film(camera, images.get(camera.key), &wanted, view)?);
     }
     let all = steps.trajectory_steps(&frames.path, &frames.actions, films, &mut report)?;
@@ -86,7 +86,7 @@ impl Frames<'_> {
             .collect()
     }
 
-    fn report(&self, steps: &Steps, cameras: &[Camera<'_>], view: &View) -> RecordingReport {
+    fn report(&self, steps: &Steps, cameras: &Cameras<'_>, view: &View) -> RecordingReport {
         let info = &self.dataset.info;
         let restored = self.dataset.restored.as_ref();
         let restored = restored.and_then(|r| r.episode(self.episode.index));
@@ -137,12 +137,12 @@ impl Frames<'_> {
                 topic: self.action_key.clone(),
                 space: steps.shape.space.clone(),
             }),
-            cameras: cameras.iter().map(camera).collect(),
+            cameras: cameras.used.iter().map(camera).collect(),
             markers: self.markers(&steps.chosen_times()),
             topics: topics.collect(),
             metadata,
             losses: self.losses.clone(),
-            notes: Vec::new(),
+            notes: cameras.left_out.clone(),
             remarks: steps.remarks(std::iter::empty()),
             left_out: None,
         }

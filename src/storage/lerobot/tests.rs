@@ -1,3 +1,5 @@
+mod depth;
+
 use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -404,32 +406,45 @@ fn missing_frames_leave_an_episode_out() {
     assert!(recording.report.left_out.is_some());
 }
 
-/// Takes the images of some rows out of a table of frames.
-fn forget_images(table: &Path, key: &str, is_forgotten: impl Fn(usize) -> bool) {
+/// Writes a table of frames anew.
+fn rewrite(table: &Path, change: impl FnOnce(&RecordBatch) -> RecordBatch) {
     let file = fs::File::open(table).unwrap();
     let rows = ParquetRecordBatchReaderBuilder::try_new(file).unwrap();
     let batch = rows.build().unwrap().next().unwrap().unwrap();
-    let place = batch.schema().index_of(key).unwrap();
-    let mut columns = batch.columns().to_vec();
-    let pictures = columns[place].as_struct();
-    let kept = |row: usize| !is_forgotten(row);
-    let (bytes, paths) = (pictures.column(0).as_binary::<i32>(), pictures.column(1));
-    let paths = paths.as_string::<i32>();
-    let rows = 0..pictures.len();
-    let bytes: BinaryArray = rows
-        .clone()
-        .map(|row| kept(row).then(|| bytes.value(row)))
-        .collect();
-    let paths: StringArray = rows
-        .map(|row| kept(row).then(|| paths.value(row)))
-        .collect();
-    let arrays: Vec<Arc<dyn Array>> = vec![Arc::new(bytes), Arc::new(paths)];
-    columns[place] = Arc::new(StructArray::new(pictures.fields().clone(), arrays, None));
-    let changed = RecordBatch::try_new(batch.schema(), columns).unwrap();
+    let changed = change(&batch);
     let out = fs::File::create(table).unwrap();
     let mut writer = ArrowWriter::try_new(out, changed.schema(), None).unwrap();
     writer.write(&changed).unwrap();
     writer.close().unwrap();
+}
+
+/// Gives the rows of a table of frames other images, or none.
+fn repaint(table: &Path, key: &str, other: impl Fn(usize, &[u8]) -> Option<Vec<u8>>) {
+    rewrite(table, |batch| {
+        let place = batch.schema().index_of(key).unwrap();
+        let mut columns = batch.columns().to_vec();
+        let pictures = columns[place].as_struct();
+        let (bytes, paths) = (pictures.column(0).as_binary::<i32>(), pictures.column(1));
+        let paths = paths.as_string::<i32>();
+        let rows = 0..pictures.len();
+        let painted: Vec<Option<Vec<u8>>> = rows.map(|row| other(row, bytes.value(row))).collect();
+        let paths: StringArray = painted
+            .iter()
+            .enumerate()
+            .map(|(row, image)| image.as_ref().map(|_| paths.value(row)))
+            .collect();
+        let bytes: BinaryArray = painted.iter().map(Option::as_deref).collect();
+        let arrays: Vec<Arc<dyn Array>> = vec![Arc::new(bytes), Arc::new(paths)];
+        columns[place] = Arc::new(StructArray::new(pictures.fields().clone(), arrays, None));
+        RecordBatch::try_new(batch.schema(), columns).unwrap()
+    });
+}
+
+/// Takes the images of some rows out of a table of frames.
+fn forget_images(table: &Path, key: &str, is_forgotten: impl Fn(usize) -> bool) {
+    repaint(table, key, |row, image| {
+        (!is_forgotten(row)).then(|| image.to_vec())
+    });
 }
 
 #[test]

@@ -1,3 +1,4 @@
+mod depth;
 mod rates;
 
 use std::fs;
