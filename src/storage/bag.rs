@@ -26,22 +26,9 @@ struct Information {
 /// # Errors
 /// [`StorageError::PartMissing`] when one of them is not there: nothing tells what it held.
 pub(super) fn parts(folder: &Path) -> Result<Option<Vec<PathBuf>>, StorageError> {
-    let Ok(text) = fs::read_to_string(folder.join(METADATA_FILE)) else {
+    let Some(parts) = listed(folder) else {
         return Ok(None);
     };
-    // Others name their files so, too.
-    let Ok(metadata) = serde_yaml::from_str::<Metadata>(&text) else {
-        return Ok(None);
-    };
-    let named = metadata.rosbag2_bagfile_information.relative_file_paths;
-    let is_ours = |path: &PathBuf| {
-        let lies_below = path.components().all(|c| matches!(c, Component::Normal(_)));
-        lies_below && path.extension().is_some_and(|e| e == "mcap")
-    };
-    if named.len() < 2 || !named.iter().all(is_ours) {
-        return Ok(None);
-    }
-    let parts: Vec<PathBuf> = named.iter().map(|name| folder.join(name)).collect();
     match parts.iter().find(|part| !part.is_file()) {
         None => Ok(Some(parts)),
         Some(part) => Err(StorageError::PartMissing {
@@ -49,4 +36,30 @@ pub(super) fn parts(folder: &Path) -> Result<Option<Vec<PathBuf>>, StorageError>
             part: part.clone(),
         }),
     }
+}
+
+/// The folder of the bag that a file is part of; none where it is part of none.
+pub(super) fn around(file: &Path) -> Option<PathBuf> {
+    let parent = file.parent()?;
+    // A recording is called as its folder, and `.` is no name.
+    let folder = match parent.file_name() {
+        Some(_) => parent.to_owned(),
+        None => fs::canonicalize(Path::new(".").join(parent)).ok()?,
+    };
+    let part = folder.join(file.file_name()?);
+    listed(&folder)?.contains(&part).then_some(folder)
+}
+
+/// The files that make a folder a bag of several, whether they are there or not.
+fn listed(folder: &Path) -> Option<Vec<PathBuf>> {
+    let text = fs::read_to_string(folder.join(METADATA_FILE)).ok()?;
+    // Others name their files so, too.
+    let metadata: Metadata = serde_yaml::from_str(&text).ok()?;
+    let named = metadata.rosbag2_bagfile_information.relative_file_paths;
+    let is_ours = |path: &PathBuf| {
+        let lies_below = path.components().all(|c| matches!(c, Component::Normal(_)));
+        lies_below && path.extension().is_some_and(|e| e == "mcap")
+    };
+    let is_bag = named.len() > 1 && named.iter().all(is_ours);
+    is_bag.then(|| named.iter().map(|name| folder.join(name)).collect())
 }

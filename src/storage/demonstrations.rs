@@ -40,6 +40,7 @@ mod tests {
     use super::super::fixtures::trajectory;
     use super::super::{PRACTICE_NOTE, RecordingMetadata, write_trajectory};
     use super::*;
+    use crate::trajectory::Trajectory;
 
     fn write(folder: &Path, name: &str, steps: usize, success: Option<bool>) {
         let metadata = RecordingMetadata {
@@ -189,10 +190,9 @@ mod tests {
         assert!(error.to_string().contains("failed.mcap"), "{error}");
     }
 
-    #[test]
-    fn the_files_of_a_bag_are_one_demonstration() {
-        let root = tempfile::tempdir().unwrap();
-        let (bag, whole) = (root.path().join("run"), trajectory(12));
+    /// Writes a trajectory of twelve steps as a bag of three files.
+    fn write_bag(bag: &Path) -> Trajectory {
+        let whole = trajectory(12);
         for (number, range) in [0..5, 5..9, 9..12].into_iter().enumerate() {
             let mut part = whole.clone();
             part.steps = whole.steps[range.clone()].to_vec();
@@ -206,6 +206,14 @@ mod tests {
         let metadata = "rosbag2_bagfile_information:\n  version: 9\n  relative_file_paths:\n    - run_0.mcap\n    \
                         - run_1.mcap\n    - run_2.mcap\n";
         fs::write(bag.join("metadata.yaml"), metadata).unwrap();
+        whole
+    }
+
+    #[test]
+    fn the_files_of_a_bag_are_one_demonstration() {
+        let root = tempfile::tempdir().unwrap();
+        let bag = root.path().join("run");
+        let whole = write_bag(&bag);
         write(root.path(), "other.mcap", 4, None);
         let paths = [root.path().to_owned()];
         let (set, reports) = load_demonstrations(&paths, "sock").unwrap();
@@ -215,9 +223,8 @@ mod tests {
         assert_eq!((other.steps.len(), joined.id.as_str()), (4, "run"));
         assert_eq!(joined.steps.len(), 12);
         assert_eq!(joined.markers, whole.markers);
-        let actions = |t: &crate::trajectory::Trajectory| -> Vec<_> {
-            t.steps.iter().map(|s| s.action.clone()).collect()
-        };
+        let actions =
+            |t: &Trajectory| -> Vec<_> { t.steps.iter().map(|s| s.action.clone()).collect() };
         assert_eq!(actions(joined), actions(&whole));
         let told = reports[1].to_string();
         assert!(told.contains("3 files of one bag"), "{told}");
@@ -241,6 +248,30 @@ mod tests {
             let (set, _) = load_demonstrations(&paths, "sock").unwrap();
             assert_eq!(set.trajectories().len(), 3, "{text}");
         }
+    }
+
+    #[test]
+    fn a_file_of_a_bag_that_is_named_stands_for_the_bag() {
+        let root = tempfile::tempdir().unwrap();
+        let bag = root.path().join("run");
+        write_bag(&bag);
+        write(&bag, "beside.mcap", 4, None);
+        let parts = ["run_2.mcap", "run_0.mcap", "run_1.mcap"].map(|name| bag.join(name));
+        for count in 1..=3 {
+            let (set, reports) = load_demonstrations(&parts[..count], "sock").unwrap();
+            let [whole] = set.trajectories() else {
+                panic!("{} demonstrations", set.trajectories().len())
+            };
+            assert_eq!((whole.id.as_str(), whole.steps.len()), ("run", 12));
+            let told = reports[0].to_string();
+            assert!(told.contains("whichever of them is named"), "{told}");
+        }
+        fs::remove_file(&parts[2]).unwrap();
+        let error = load_demonstrations(&parts[..1], "sock").unwrap_err();
+        assert!(error.to_string().contains("the bag holds"), "{error}");
+        let beside = [bag.join("beside.mcap")];
+        let (set, _) = load_demonstrations(&beside, "sock").unwrap();
+        assert_eq!(set.step_count(), 4, "it is no part of the bag");
     }
 
     #[test]

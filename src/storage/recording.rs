@@ -140,7 +140,9 @@ fn report(
     let mut remarks = layout.remarks(steps);
     remarks.extend(layout.silent_topics(scan));
     if files > 1 {
-        remarks.push(format!("{files} files of one bag, read as one recording"));
+        remarks.push(format!(
+            "{files} files of one bag, read as one recording whichever of them is named"
+        ));
     }
     let mut losses = scan.salvage.losses.clone();
     losses.extend(layout.losses(step_times));

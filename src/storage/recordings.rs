@@ -26,8 +26,8 @@ use source::{Container, Source, real};
 
 /// The recordings among some paths, found but not read.
 ///
-/// A path is an MCAP file, a bag of several (a folder whose `metadata.yaml`, as `ros2 bag record` writes it, names them),
-/// a LeRobot dataset (a folder with `meta/info.json`), a folder in which any of these lies at any depth except in hidden
+/// A path is an MCAP file, a bag of several (a folder whose `metadata.yaml`, as `ros2 bag record` writes it, names them,
+/// or any of its files), a LeRobot dataset (a folder with `meta/info.json`), a folder in which any of these lies at any depth except in hidden
 /// folders, or a mapping file (`*.yaml`), which names recordings and says how they are read. A recording to which
 /// several paths lead counts once.
 #[derive(Clone, Debug)]
@@ -122,7 +122,13 @@ impl Recordings {
             return self.take_folder(path, &view);
         }
         fs::metadata(path).map_err(StorageError::io("read", path))?;
-        self.take_mcap(path, vec![path.to_owned()], &view);
+        if let Some(folder) = bag::around(path)
+            && let Some(parts) = bag::parts(&folder)?
+        {
+            self.take_mcap(&folder, parts, &view);
+        } else {
+            self.take_mcap(path, vec![path.to_owned()], &view);
+        }
         Ok(())
     }
 
