@@ -275,6 +275,23 @@ mod tests {
     }
 
     #[test]
+    fn damage_in_a_bag_is_told_with_the_name_of_its_file() {
+        let root = tempfile::tempdir().unwrap();
+        let bag = root.path().join("run");
+        write_bag(&bag);
+        let part = bag.join("run_1.mcap");
+        let bytes = fs::read(&part).unwrap();
+        fs::write(&part, &bytes[..bytes.len() / 2]).unwrap();
+        let recordings = Recordings::open(&[bag], &ReadOptions::default()).unwrap();
+        let looked = recordings.inspect().remove(0).unwrap();
+        let told = looked.to_string();
+        let line = "LOST      run_1.mcap: the file is cut off";
+        assert!(told.contains(line), "{told}");
+        let read = recordings.read().next().unwrap().unwrap();
+        assert!(read.report.left_out.is_some() && looked.left_out.is_some());
+    }
+
+    #[test]
     fn digest_depends_on_contents_and_not_on_places() {
         let root = tempfile::tempdir().unwrap();
         write(root.path(), "a/000.mcap", 3, None);

@@ -89,6 +89,13 @@ pub struct TopicReport {
 #[serde(rename_all = "snake_case", tag = "kind")]
 #[non_exhaustive]
 pub enum Loss {
+    /// Any of the others, in one of the files of a bag.
+    InFile {
+        /// Its name.
+        file: String,
+        /// What could not be read of it.
+        loss: Box<Loss>,
+    },
     /// The file ends in the middle of a record or without its footer.
     CutOff {
         /// Where the incomplete record starts.
@@ -189,25 +196,30 @@ impl Loss {
     /// last one need not be, or need not show, the end of the demonstration.
     #[must_use]
     pub fn breaks_the_sequence(&self) -> bool {
-        !matches!(
-            self,
+        match self {
+            Self::InFile { loss, .. } => loss.breaks_the_sequence(),
             Self::UndecodableImages { .. }
-                | Self::ActionsWithoutImages { .. }
-                | Self::TimesGoBack { .. }
-                | Self::MissingImages { .. }
-        )
+            | Self::ActionsWithoutImages { .. }
+            | Self::TimesGoBack { .. }
+            | Self::MissingImages { .. } => false,
+            _ => true,
+        }
     }
 
     /// Whether messages are gone, so that what is not there may have been.
     pub(super) fn takes_messages(&self) -> bool {
-        self.breaks_the_sequence()
-            && !matches!(self, Self::DataChecksum { .. } | Self::CameraStopped { .. })
+        match self {
+            Self::InFile { loss, .. } => loss.takes_messages(),
+            Self::DataChecksum { .. } | Self::CameraStopped { .. } => false,
+            other => other.breaks_the_sequence(),
+        }
     }
 }
 
 impl fmt::Display for Loss {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::InFile { file, loss } => write!(f, "{file}: {loss}"),
             Self::CutOff {
                 at_byte,
                 of_bytes,

@@ -34,6 +34,17 @@ pub(super) struct Salvage {
 }
 
 impl Salvage {
+    /// Says of all that is lost in which of several files it is.
+    pub(super) fn tell_file(&mut self, file: &Path) {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        let losses = std::mem::take(&mut self.losses).into_iter();
+        let told = losses.map(|loss| Loss::InFile {
+            file: name.to_string(),
+            loss: Box::new(loss),
+        });
+        self.losses = told.collect();
+    }
+
     /// Takes in what the next file of a recording holds.
     pub(super) fn take(&mut self, next: Self) {
         self.bytes += next.bytes;

@@ -56,7 +56,7 @@ impl Scan {
         let mut topics: BTreeMap<String, TopicScan> = BTreeMap::new();
         let mut whole: Option<Salvage> = None;
         for file in files {
-            let found = salvage(file.as_ref(), |channel, nanos, data| {
+            let mut found = salvage(file.as_ref(), |channel, nanos, data| {
                 if !topics.contains_key(&channel.topic) {
                     topics.insert(
                         channel.topic.clone(),
@@ -67,6 +67,9 @@ impl Scan {
                     topic.take(keep, nanos, data);
                 }
             })?;
+            if files.len() > 1 {
+                found.tell_file(file.as_ref());
+            }
             match &mut whole {
                 None => whole = Some(found),
                 Some(whole) => whole.take(found),
