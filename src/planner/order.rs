@@ -279,7 +279,10 @@ impl<'a> Product<'a> {
                 {
                     let entered = self.graph.node(to);
                     let due = task.subgoals.get(..entered.progress as usize);
-                    if entered.task != task.name || !due.is_some_and(|due| entered.reaches(due)) {
+                    let begins = entered.task == task.name
+                        && leads_on(edge, entered.task == *before)
+                        && due.is_some_and(|due| entered.reaches(due));
+                    if !begins {
                         continue;
                     }
                     let rest = timeline.length_steps - timeline.time_steps[&end];

@@ -1,5 +1,6 @@
 use std::collections::HashMap;
 
+use super::layout::leads_on;
 use super::roads::{Rejection, road_price};
 use super::timeline::Timeline;
 use super::{PlaceId, Planner, Price, Search, Start};
@@ -75,7 +76,8 @@ fn begun_by(planner: &Planner, stage: usize) -> impl Fn(NodeId) -> bool {
     }
 }
 
-/// An edge from an end state of a task to a place where the composition may begin.
+/// An edge from an end state of a task to a place where the composition may begin. Where that is the same task, it is
+/// done again: a learned edge leads back within what was done and begins nothing, as between two rounds.
 pub(super) struct Crossing<'g> {
     pub(super) from: NodeId,
     pub(super) to: NodeId,
@@ -97,7 +99,9 @@ pub(super) fn crossings<'g>(planner: &'g Planner, task: &str) -> Vec<Crossing<'g
             let Some(place) = planner.layout.places_of(to).find(first) else {
                 continue;
             };
-            if !(is_flat || planner.layout.may_enter(graph, 0, place)) {
+            let begins = leads_on(edge, graph.node(to).task == task)
+                && planner.layout.may_enter(graph, 0, place);
+            if !(is_flat || begins) {
                 continue;
             }
             let rest = timeline.length_steps - timeline.time_steps[&from];

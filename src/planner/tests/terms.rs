@@ -430,6 +430,36 @@ fn what_keeps_a_plan_from_beginning_at_the_end_of_a_task_is_said() {
 }
 
 #[test]
+fn a_task_that_was_done_is_done_again_from_an_edge_that_joins_its_end_to_its_start() {
+    let [a, _] = tasks();
+    let again = Automaton::in_order(std::slice::from_ref(&a));
+    let terms = starting(Start::After("a".to_owned()));
+    let mut graph = merged();
+    let [end, other, start] =
+        [("a0", 19), ("a1", 0), ("a2", 0)].map(|(id, step)| node_at(&graph, id, step));
+    graph.add_edge(end, other, learned(EdgeKind::Learned, 1, 0.99));
+    let planned = |graph: &TopologicalGraph| {
+        let planner = Planner::new(Arc::new(graph.clone()), &again, &terms, options());
+        planner.expect("a is there").plan_from_start()
+    };
+    let orders = OrderAutomaton::new(&Order::Task("a".to_owned())).expect("it is small");
+    let settled = |graph: &TopologicalGraph| {
+        let tasks = std::slice::from_ref(&a);
+        let settled = settle_order(graph, &orders, tasks, None, (&terms, &options()));
+        settled.expect("a is there")
+    };
+    let why = planned(&graph).unwrap_err();
+    assert!(why.advice.starts_with("No edge leads from an end"), "{why}");
+    assert_eq!(settled(&graph), None);
+    graph.add_edge(end, start, learned(EdgeKind::CrossTask, 1, 0.7));
+    let plan = planned(&graph).expect("an edge leads to the start");
+    assert_eq!(plan.route[..2], [end, start]);
+    assert!(plan.begins_before);
+    let cost = settled(&graph).map(|settled| settled.cost);
+    assert!(cost.is_some_and(|cost| (cost - plan.cost).abs() < 1e-6));
+}
+
+#[test]
 fn a_plan_that_begins_in_a_second_round_is_judged_by_that_round() {
     let [a, _] = tasks();
     let automaton = Automaton::in_order(&[a.clone(), a]);
