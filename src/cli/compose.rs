@@ -8,7 +8,6 @@ use super::graph::results_folder;
 use super::loaded::{Loaded, tell_warnings};
 use crate::graph::{EdgeKind, TopologicalGraph};
 use crate::planner::{Audit, Explanation, Plan, Planner};
-use crate::task::OrderAutomaton;
 use crate::view::write_automaton_svg;
 use crate::wording::counted;
 
@@ -17,8 +16,8 @@ use crate::wording::counted;
 pub(super) struct PlanReport {
     name: String,
     tasks: Vec<String>,
-    /// How many orders of tasks the composition allows.
-    orders: u64,
+    /// How many orders of tasks the composition allows; none where they are too many to be counted.
+    orders: Option<u64>,
     subgoals: Vec<String>,
     steps: u32,
     cost: f64,
@@ -60,7 +59,10 @@ pub(super) fn plan(loaded: &Loaded) -> Result<Planned, CliError> {
     let report = PlanReport {
         name: loaded.composition.name.clone(),
         tasks: automaton.tasks().to_vec(),
-        orders: loaded.composition.orders.way_count(),
+        orders: loaded
+            .composition
+            .orders
+            .order_count(loaded.composition.final_task()),
         subgoals: automaton
             .subgoals()
             .iter()
@@ -116,10 +118,11 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
         report.final_state
     );
     text.push_str(&limit_note(report.steps, loaded.composition.limits.steps));
-    if report.orders > 1 {
+    if report.orders != Some(1) {
         let others = loaded.composition.other_tasks.iter();
         let not_done: Vec<&str> = others.map(|t| t.task.name.as_str()).collect();
-        let order = described_order(&report.tasks, &loaded.composition.orders, &not_done);
+        let has_optional = loaded.composition.orders.has_optional_parts();
+        let order = described_order(&report.tasks, (report.orders, has_optional), &not_done);
         let _ = writeln!(text, "{order}");
     }
     let mut task = "";
@@ -195,12 +198,16 @@ fn limit_note(steps: u32, limit: u32) -> String {
 }
 
 /// An order of several, and by what it was chosen.
-fn described_order(tasks: &[String], orders: &OrderAutomaton, not_done: &[&str]) -> String {
-    let ways = orders.way_count();
-    let chosen = if orders.has_optional_parts() {
-        format!(": of {ways}, the cheapest of those that leave the fewest optional parts out")
+fn described_order(
+    tasks: &[String],
+    (orders, has_optional_parts): (Option<u64>, bool),
+    not_done: &[&str],
+) -> String {
+    let all = orders.map_or_else(|| "very many".to_owned(), |count| count.to_string());
+    let chosen = if has_optional_parts {
+        format!(": of {all}, the cheapest of those that leave the fewest optional parts out")
     } else {
-        format!(", the cheapest of {ways}")
+        format!(", the cheapest of {all}")
     };
     let not_done = if not_done.is_empty() {
         String::new()
@@ -258,7 +265,7 @@ fn explain(loaded: &Loaded, planner: &Planner) -> Result<Explanation, CliError> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::task::Order;
+    use crate::task::{Order, OrderAutomaton};
 
     #[test]
     fn a_plan_that_no_run_gets_through_is_told() {
@@ -280,7 +287,8 @@ mod tests {
             ]);
             let orders = OrderAutomaton::new(&order).expect("it is small");
             let done = ["sock", "trash", "wine"].map(str::to_owned);
-            described_order(&done, &orders, not_done)
+            let open = (orders.order_count(None), orders.has_optional_parts());
+            described_order(&done, open, not_done)
         };
         assert_eq!(
             told(task("wine"), &[]),
@@ -289,8 +297,10 @@ mod tests {
         let optional = Order::Optional(Box::new(task("wine")));
         assert_eq!(
             told(optional, &["dust"]),
-            "order: sock, trash, wine: of 4, the cheapest of those that leave the fewest optional \
+            "order: sock, trash, wine: of 3, the cheapest of those that leave the fewest optional \
              parts out; not done: dust"
         );
+        let many = described_order(&["sock".to_owned()], (None, false), &[]);
+        assert_eq!(many, "order: sock, the cheapest of very many");
     }
 }

@@ -49,8 +49,8 @@ pub struct StageExplained {
 /// The orders of tasks that a composition allows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OrdersExplained {
-    /// How many ways lead through the automaton.
-    pub way_count: u64,
+    /// How many different orders are open; `None` where they are too many to be counted.
+    pub order_count: Option<u64>,
     /// How many different orders were planned for this explanation, the chosen one included; not more than 64.
     pub planned: usize,
     /// How many of these connect.

@@ -268,6 +268,14 @@ impl OrderAutomaton {
         ways
     }
 
+    /// How many orders of tasks it allows, each counted once, of those whose last task is the one given; without one of
+    /// all, also that of no task. `None` where the same orders can be come by in so many ways that counting them takes
+    /// long: there are [`way_count`](Self::way_count) at most.
+    #[must_use]
+    pub fn order_count(&self, last: Option<&str>) -> Option<u64> {
+        OrderWalk::new(self, last, usize::MAX).count()
+    }
+
     /// The orders of tasks that it allows, each once, at most `count` of them.
     #[must_use]
     pub fn orders(&self, count: usize) -> Vec<Vec<String>> {

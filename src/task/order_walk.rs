@@ -1,4 +1,12 @@
+use std::collections::HashMap;
+
 use super::{OrderAutomaton, OrderTransition};
+
+/// Most sets of states that are looked at to count orders; one of eight parts in any order has 256.
+const MOST_SETS: usize = 4096;
+
+/// How many orders lead on from states at which the automaton may be; whether all may be over there counts, too.
+type Counted = HashMap<(Vec<usize>, bool), u64>;
 
 /// A walk through the orders that an automaton allows, each of them once however many ways it can be come
 /// by: it holds the tasks that are done and all states at which the automaton may be then, and does not
@@ -49,6 +57,41 @@ impl<'a> OrderWalk<'a> {
         self.found
     }
 
+    /// How many orders there are, each counted once; none where that would take long.
+    pub(super) fn count(mut self) -> Option<u64> {
+        self.count_from(vec![0], &mut Counted::new())
+    }
+
+    fn count_from(&mut self, mut reached: Vec<usize>, counted: &mut Counted) -> Option<u64> {
+        reached.sort_unstable();
+        reached.dedup();
+        let here = (reached, self.may_end());
+        if let Some(count) = counted.get(&here) {
+            return Some(*count);
+        }
+        let mut count = 0_u64;
+        for next in self.ahead_of(&here.0) {
+            let (Some(task), states) = next else {
+                count = count.saturating_add(1);
+                continue;
+            };
+            self.done.push(task);
+            let below = self.count_from(states, counted);
+            self.done.pop();
+            count = count.saturating_add(below?);
+        }
+        if counted.len() == MOST_SETS {
+            return None;
+        }
+        counted.insert(here, count);
+        Some(count)
+    }
+
+    /// Whether what is done may be an order that is looked for.
+    fn may_end(&self) -> bool {
+        self.last.is_none() || self.done.last().copied() == self.last
+    }
+
     /// Whether an order that is looked for may end with a transition.
     fn may_be_last(&self, transition: &OrderTransition) -> bool {
         let task = transition.task.as_deref();
@@ -75,7 +118,7 @@ impl<'a> OrderWalk<'a> {
     /// What may come next at any of some states, each task once, where a way through them meets it first.
     fn ahead_of(&self, reached: &[usize]) -> Vec<Next<'a>> {
         let mut next: Vec<Next<'a>> = Vec::new();
-        let may_end = self.last.is_none() || self.done.last().copied() == self.last;
+        let may_end = self.may_end();
         for state in self.with_skips(reached) {
             if state == self.automaton.last_state() && may_end {
                 next.push((None, Vec::new()));
@@ -132,5 +175,67 @@ fn spread(
                 has_grown = true;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::task::Order;
+
+    fn task(name: &str) -> Order {
+        Order::Task(name.to_owned())
+    }
+
+    fn optional(part: Order) -> Order {
+        Order::Optional(Box::new(part))
+    }
+
+    fn repeated(times: u32, part: Order) -> Order {
+        Order::Repeat(times, Box::new(part))
+    }
+
+    fn either() -> Order {
+        Order::Choice(vec![task("a"), task("b")])
+    }
+
+    #[test]
+    fn orders_are_counted_once_however_many_ways_come_by_them() {
+        let any = |names: &[&str]| Order::AnyOrder(names.iter().map(|name| task(name)).collect());
+        for order in [
+            task("a"),
+            Order::Choice(vec![task("a"), task("a")]),
+            any(&["a", "a", "b"]),
+            repeated(5, optional(task("a"))),
+            Order::InOrder(vec![optional(task("a")), either(), optional(task("a"))]),
+            Order::AnyOrder(vec![optional(either()), repeated(2, either()), task("c")]),
+        ] {
+            let automaton = OrderAutomaton::new(&order).expect("it is small");
+            for last in [None, Some("a"), Some("b"), Some("d")] {
+                let listed = automaton.orders_ending_with(last, usize::MAX).len() as u64;
+                assert_eq!(
+                    automaton.order_count(last),
+                    Some(listed),
+                    "{order}, {last:?}"
+                );
+            }
+        }
+        let automaton = OrderAutomaton::new(&any(&["a", "b", "c", "d", "e", "f", "g", "h"]));
+        let automaton = automaton.expect("it is small");
+        assert_eq!(automaton.order_count(None), Some(40_320));
+        assert_eq!(automaton.order_count(Some("a")), Some(5_040));
+    }
+
+    #[test]
+    fn a_count_that_takes_long_is_not_made() {
+        // Which order it is depends on all of its last 21 tasks.
+        let order = Order::InOrder(vec![
+            repeated(20, optional(either())),
+            task("a"),
+            repeated(20, either()),
+        ]);
+        let automaton = OrderAutomaton::new(&order).expect("it is small");
+        assert_eq!(automaton.order_count(None), None);
+        assert!(automaton.way_count() > 1 << 20);
     }
 }

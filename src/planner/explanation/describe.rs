@@ -50,13 +50,14 @@ impl fmt::Display for Explanation {
 impl fmt::Display for OrdersExplained {
     /// Whole lines; none where there is no choice.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.way_count < 2 {
+        if self.order_count.is_some_and(|count| count < 2) {
             return Ok(());
         }
+        let open = self.order_count;
+        let open = open.map_or_else(|| "very many".to_owned(), |count| count.to_string());
         writeln!(
             f,
-            "orders: {} ways, {} planned, {} of them connect{}",
-            self.way_count,
+            "orders: {open} open, {} planned, {} of them connect{}",
             self.planned,
             self.connected,
             if self.planned > self.listed.len() {

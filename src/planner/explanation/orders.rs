@@ -57,7 +57,7 @@ pub(super) fn explain(
         order.left_out = orders.left_out(&order.tasks).unwrap_or(0);
     }
     OrdersExplained {
-        way_count: orders.way_count(),
+        order_count: orders.order_count(final_task),
         planned,
         connected,
         listed: explained,

@@ -99,12 +99,14 @@ fn head(
         anchor: "start",
     };
     canvas.text(LEFT - 28.0, 42.0, set(24.0, 700, INK), title);
-    let ways = usize::try_from(orders.way_count()).unwrap_or(usize::MAX);
+    let allowed = orders.order_count(None).map_or_else(
+        || "very many orders".to_owned(),
+        |count| counted(usize::try_from(count).unwrap_or(usize::MAX), "order"),
+    );
     let steps: u32 = explanation.parts.iter().map(|p| p.steps).sum();
     let cost: f64 = explanation.parts.iter().map(|p| p.cost).sum();
     let line = format!(
-        "{}   \u{b7}   {}   \u{b7}   plan: {}, cost {cost:.1}, holds with probability {:.3}",
-        counted(ways, "order"),
+        "{allowed}   \u{b7}   {}   \u{b7}   plan: {}, cost {cost:.1}, holds with probability {:.3}",
         counted(explanation.stages.len(), "subgoal"),
         counted(steps as usize, "step"),
         explanation.odds.probability
@@ -265,7 +267,7 @@ mod tests {
         Explanation {
             stages: tasks.iter().enumerate().map(stage).collect(),
             orders: OrdersExplained {
-                way_count: 2,
+                order_count: Some(2),
                 planned: 1,
                 connected: 1,
                 listed: vec![OrderExplained {
