@@ -180,6 +180,20 @@ impl Layout {
         first.map(|p| p.stage).min().unwrap_or(0)
     }
 
+    /// The stage of the places at which so many subgoals hold. A layout that has each task once has no places of later
+    /// rounds: those of the first one stand for them.
+    pub(super) fn laid_out_stage(&self, automaton: &Automaton, stage: usize) -> usize {
+        let is_there =
+            self.search == Search::InOrder || self.places.iter().any(|place| place.stage == stage);
+        let round = self.offsets.iter().rposition(|offset| *offset <= stage);
+        let Some(round) = round.filter(|_| !is_there) else {
+            return stage;
+        };
+        let tasks = automaton.tasks();
+        let first = tasks.iter().position(|task| *task == tasks[round]);
+        self.offsets[first.unwrap_or(round)] + stage - self.offsets[round]
+    }
+
     /// The stages at which a later task starts.
     pub(super) fn starts_of_tasks(&self) -> &[usize] {
         self.offsets.get(1..).unwrap_or_default()

@@ -304,7 +304,11 @@ impl Planner {
             Some((before, route)) if plan.begins_before => (Some(*before), route),
             _ => (None, plan.route.as_slice()),
         };
-        let begun = plan.stages.get(plan.route.len() - route.len()).copied();
+        let begun = match self.terms.start {
+            // Where each task is laid out once, its places do not tell the round.
+            Start::Stage(stage) if self.options.search == Search::Unconstrained => Some(stage),
+            _ => plan.stages.get(plan.route.len() - route.len()).copied(),
+        };
         audit_after(&self.graph, &self.automaton, (before, begun), route)
     }
 

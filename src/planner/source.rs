@@ -53,9 +53,10 @@ pub(super) fn sources_avoiding(planner: &Planner, avoided: &HashMap<NodeId, usiz
         }
         Start::Stage(stage) => {
             let begins = begun_by(planner, *stage);
-            let begun = of(&|id| place(id).stage == *stage && begins(place(id).node));
+            let stage = planner.layout.laid_out_stage(&planner.automaton, *stage);
+            let begun = of(&|id| place(id).stage == stage && begins(place(id).node));
             if begun.is_empty() {
-                of(&|id| place(id).stage == *stage)
+                of(&|id| place(id).stage == stage)
             } else {
                 begun
             }

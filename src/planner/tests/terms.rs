@@ -473,6 +473,26 @@ fn a_plan_that_begins_in_a_second_round_is_judged_by_that_round() {
 }
 
 #[test]
+fn the_papers_plan_goes_on_in_a_later_round_though_each_task_is_laid_out_once() {
+    let [a, b] = tasks();
+    for (order, stage) in [
+        (vec![a.clone(), a.clone()], 3),
+        (vec![a.clone(), b, a.clone()], 5),
+    ] {
+        let automaton = Automaton::in_order(&order);
+        let terms = starting(Start::Stage(stage));
+        let planner = Planner::new(around(), &automaton, terms, PlannerOptions::paper());
+        let planner = planner.expect("both tasks are there");
+        let plan = planner.plan_from_start().expect("the corridor is open");
+        let first = planner.graph().node(plan.route[0]);
+        assert_eq!((first.task.as_str(), first.step), ("a", 8));
+        let audit = planner.audit(&plan);
+        assert!(audit.is_clean(), "{audit:?}");
+        assert_eq!(audit.reached, automaton.subgoals());
+    }
+}
+
+#[test]
 fn the_ends_of_a_last_task_are_counted_also_where_each_task_is_laid_out_once() {
     let [a, b] = tasks();
     let rounds = [[a.clone(), b.clone(), a.clone()], [a.clone(), a, b]];
