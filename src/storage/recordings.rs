@@ -1,10 +1,10 @@
 //! Recordings of all kinds under one roof: MCAP files, LeRobot datasets, mapping files that name them.
 
 mod names;
+mod search;
 mod source;
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -14,22 +14,21 @@ use sha2::{Digest, Sha256};
 use super::bag;
 use super::digest::hexadecimal;
 use super::left_out::{why_damaged, why_left_out, why_not_practised_on};
-use super::lerobot::{self, Dataset};
 use super::mapping::{Mapping, is_mapping};
-use super::salvage::check_begins_as_mcap;
-use super::view::{ReadOptions, View};
+use super::view::ReadOptions;
 use super::{Recording, RecordingReport, StorageError, sha256_file};
 use crate::trajectory::{Binning, DemonstrationSet};
 pub(super) use names::slug;
 use names::{unique_ids, words};
-use source::{Container, Source, real};
+use search::Search;
+use source::{Container, Source};
 
 /// The recordings among some paths, found but not read.
 ///
 /// A path is an MCAP file, a bag of several (a folder whose `metadata.yaml`, as `ros2 bag record` writes it, names them,
-/// or any of its files), a LeRobot dataset (a folder with `meta/info.json`), a folder in which any of these lies at any depth except in hidden
-/// folders, or a mapping file (`*.yaml`), which names recordings and says how they are read. A recording to which
-/// several paths lead counts once.
+/// or any of its files), a LeRobot dataset (a folder with `meta/info.json`), a folder in which any of these lies at any
+/// depth except in hidden folders, or a mapping file (`*.yaml`), which names recordings and says how they are read. A
+/// recording to which several paths lead counts once.
 #[derive(Clone, Debug)]
 pub struct Recordings {
     /// Sorted.
@@ -37,12 +36,7 @@ pub struct Recordings {
     mappings: Vec<Arc<Mapping>>,
     options: ReadOptions,
     paths: Vec<PathBuf>,
-    /// Files of recorders whose format is not read.
-    passed_over: Vec<PathBuf>,
 }
-
-/// How the names of such files end.
-const OF_OTHER_FORMATS: [&str; 6] = ["bag", "db3", "h5", "hdf5", "zst", "zstd"];
 
 impl Recordings {
     /// Finds the recordings among paths. Of datasets the metadata is read, of other recordings nothing.
@@ -51,35 +45,25 @@ impl Recordings {
     /// [`StorageError::Io`] when a path cannot be read, [`StorageError::NoRecordings`] when there are none,
     /// [`StorageError::Mapping`] for a wrong mapping file, [`StorageError::Dataset`] for wrong metadata.
     pub fn open(paths: &[PathBuf], options: &ReadOptions) -> Result<Self, StorageError> {
-        let mut found = Self {
-            sources: Vec::new(),
-            mappings: Vec::new(),
-            options: options.clone(),
-            paths: paths.to_vec(),
-            passed_over: Vec::new(),
-        };
+        let mut search = Search::new(options);
+        let mut mappings = Vec::new();
         for path in paths {
             if is_mapping(path) {
                 let mapping = Arc::new(Mapping::load(path)?);
                 for recordings in &mapping.recordings {
-                    found.take(recordings, Some(&mapping))?;
+                    search.take(recordings, Some(&mapping))?;
                 }
-                found.mappings.push(mapping);
+                mappings.push(mapping);
             } else {
-                found.take(path, None)?;
+                search.take(path, None)?;
             }
         }
-        found.sources.sort_by(|a, b| a.order().cmp(&b.order()));
-        found.leave_out_repeated();
-        if found.sources.is_empty() {
-            // What is there says more than what is not.
-            if let Some(file) = found.passed_over.iter().min() {
-                check_begins_as_mcap(file)?;
-            }
-            return Err(StorageError::NoRecordings {
-                paths: list(paths.iter().map(|p| p.display().to_string())),
-            });
-        }
+        let mut found = Self {
+            sources: search.found(paths)?,
+            mappings,
+            options: options.clone(),
+            paths: paths.to_vec(),
+        };
         if found.told_tasks().len() <= 1 {
             for source in &mut found.sources {
                 let mapping = source.view.mapping.as_ref();
@@ -88,100 +72,6 @@ impl Recordings {
             }
         }
         Ok(found)
-    }
-
-    /// Keeps one of the sources that are the same recording, as where a folder holds a link to another one of its own:
-    /// that of its own path, or else the first. A file of a bag that is taken is not taken by itself as well.
-    fn leave_out_repeated(&mut self) {
-        let parts = self.sources.iter().flat_map(Source::parts);
-        let parts: BTreeSet<PathBuf> = parts.map(|part| real(part)).collect();
-        if !parts.is_empty() {
-            let is_part = |s: &Source| s.parts().is_empty() && parts.contains(&real(&s.place));
-            self.sources.retain(|source| !is_part(source));
-        }
-        let identities: Vec<_> = self.sources.iter().map(Source::identity).collect();
-        let mut seen = BTreeSet::new();
-        let mut is_kept = vec![false; identities.len()];
-        for of_own_path in [true, false] {
-            for ((identity, is_own_path), is_kept) in identities.iter().zip(&mut is_kept) {
-                if *is_own_path == of_own_path && seen.insert(identity) {
-                    *is_kept = true;
-                }
-            }
-        }
-        let mut is_kept = is_kept.into_iter();
-        self.sources.retain(|_| is_kept.next().unwrap_or(true));
-    }
-
-    fn take(&mut self, path: &Path, mapping: Option<&Arc<Mapping>>) -> Result<(), StorageError> {
-        let view = View {
-            mapping: mapping.cloned(),
-            options: self.options.clone(),
-        };
-        if path.is_dir() {
-            return self.take_folder(path, &view);
-        }
-        fs::metadata(path).map_err(StorageError::io("read", path))?;
-        if let Some(folder) = bag::around(path)
-            && let Some(parts) = bag::parts(&folder)?
-        {
-            self.take_mcap(&folder, parts, &view);
-        } else {
-            self.take_mcap(path, vec![path.to_owned()], &view);
-        }
-        Ok(())
-    }
-
-    /// Takes a recording of one file or several.
-    fn take_mcap(&mut self, place: &Path, files: Vec<PathBuf>, view: &View) {
-        self.sources.push(Source {
-            place: place.to_owned(),
-            container: Container::Mcap { files },
-            view: view.clone(),
-            task_by_mapping: None,
-        });
-    }
-
-    fn take_folder(&mut self, folder: &Path, view: &View) -> Result<(), StorageError> {
-        if lerobot::is_dataset(folder) {
-            let dataset = Arc::new(Dataset::open(folder)?);
-            for number in 0..dataset.episodes.len() {
-                self.sources.push(Source {
-                    place: folder.join(dataset.episode_name(number)),
-                    container: Container::Episode {
-                        dataset: Arc::clone(&dataset),
-                        number,
-                    },
-                    view: view.clone(),
-                    task_by_mapping: None,
-                });
-            }
-            return Ok(());
-        }
-        if let Some(parts) = bag::parts(folder)? {
-            self.take_mcap(folder, parts, view);
-        }
-        let entries = fs::read_dir(folder).map_err(StorageError::io("read", folder))?;
-        for entry in entries {
-            let path = entry.map_err(StorageError::io("read", folder))?.path();
-            let is_hidden = path
-                .file_name()
-                .is_some_and(|n| n.to_string_lossy().starts_with('.'));
-            if is_hidden {
-                continue;
-            }
-            if path.is_dir() {
-                // A link to a folder around it would lead there again and again.
-                if !(path.is_symlink() && real(folder).starts_with(real(&path))) {
-                    self.take_folder(&path, view)?;
-                }
-            } else if path.extension().is_some_and(|e| e == "mcap") {
-                self.take_mcap(&path, vec![path.clone()], view);
-            } else if (path.extension()).is_some_and(|e| OF_OTHER_FORMATS.iter().any(|o| e == *o)) {
-                self.passed_over.push(path);
-            }
-        }
-        Ok(())
     }
 
     /// How many there are.

@@ -1,0 +1,157 @@
+//! Looking for recordings where paths lead.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::list;
+use super::source::{Container, Source, real};
+use crate::storage::lerobot::{self, Dataset};
+use crate::storage::mapping::Mapping;
+use crate::storage::salvage::check_begins_as_mcap;
+use crate::storage::view::{ReadOptions, View};
+use crate::storage::{StorageError, bag};
+
+/// How the names of files of recorders end whose format is not read.
+const OF_OTHER_FORMATS: [&str; 6] = ["bag", "db3", "h5", "hdf5", "zst", "zstd"];
+
+/// What was found so far.
+pub(super) struct Search {
+    options: ReadOptions,
+    sources: Vec<Source>,
+    /// Of the files of other formats that were passed over the first.
+    passed_over: Option<PathBuf>,
+}
+
+impl Search {
+    pub(super) fn new(options: &ReadOptions) -> Self {
+        Self {
+            options: options.clone(),
+            sources: Vec::new(),
+            passed_over: None,
+        }
+    }
+
+    /// The recordings to which `paths` led, sorted and each once.
+    pub(super) fn found(mut self, paths: &[PathBuf]) -> Result<Vec<Source>, StorageError> {
+        self.sources.sort_by(|a, b| a.order().cmp(&b.order()));
+        self.leave_out_repeated();
+        if self.sources.is_empty() {
+            // What is there says more than what is not.
+            if let Some(file) = &self.passed_over {
+                check_begins_as_mcap(file)?;
+            }
+            return Err(StorageError::NoRecordings {
+                paths: list(paths.iter().map(|p| p.display().to_string())),
+            });
+        }
+        Ok(self.sources)
+    }
+
+    /// Keeps one of the sources that are the same recording, as where a folder holds a link to another one of its own:
+    /// that of its own path, or else the first. A file of a bag that is taken is not taken by itself as well.
+    fn leave_out_repeated(&mut self) {
+        let parts = self.sources.iter().flat_map(Source::parts);
+        let parts: BTreeSet<PathBuf> = parts.map(|part| real(part)).collect();
+        if !parts.is_empty() {
+            let is_part = |s: &Source| s.parts().is_empty() && parts.contains(&real(&s.place));
+            self.sources.retain(|source| !is_part(source));
+        }
+        let identities: Vec<_> = self.sources.iter().map(Source::identity).collect();
+        let mut seen = BTreeSet::new();
+        let mut is_kept = vec![false; identities.len()];
+        for of_own_path in [true, false] {
+            for ((identity, is_own_path), is_kept) in identities.iter().zip(&mut is_kept) {
+                if *is_own_path == of_own_path && seen.insert(identity) {
+                    *is_kept = true;
+                }
+            }
+        }
+        let mut is_kept = is_kept.into_iter();
+        self.sources.retain(|_| is_kept.next().unwrap_or(true));
+    }
+
+    /// Takes the recordings that a path leads to.
+    pub(super) fn take(
+        &mut self,
+        path: &Path,
+        mapping: Option<&Arc<Mapping>>,
+    ) -> Result<(), StorageError> {
+        let view = View {
+            mapping: mapping.cloned(),
+            options: self.options.clone(),
+        };
+        if path.is_dir() {
+            return self.take_folder(path, &view);
+        }
+        fs::metadata(path).map_err(StorageError::io("read", path))?;
+        if let Some(folder) = bag::around(path)
+            && let Some(parts) = bag::parts(&folder)?
+        {
+            self.take_mcap(&folder, parts, &view);
+        } else {
+            self.take_mcap(path, vec![path.to_owned()], &view);
+        }
+        Ok(())
+    }
+
+    /// Takes a recording of one file or several.
+    fn take_mcap(&mut self, place: &Path, files: Vec<PathBuf>, view: &View) {
+        self.sources.push(Source {
+            place: place.to_owned(),
+            container: Container::Mcap { files },
+            view: view.clone(),
+            task_by_mapping: None,
+        });
+    }
+
+    fn take_folder(&mut self, folder: &Path, view: &View) -> Result<(), StorageError> {
+        if lerobot::is_dataset(folder) {
+            let dataset = Arc::new(Dataset::open(folder)?);
+            for number in 0..dataset.episodes.len() {
+                self.sources.push(Source {
+                    place: folder.join(dataset.episode_name(number)),
+                    container: Container::Episode {
+                        dataset: Arc::clone(&dataset),
+                        number,
+                    },
+                    view: view.clone(),
+                    task_by_mapping: None,
+                });
+            }
+            return Ok(());
+        }
+        if let Some(parts) = bag::parts(folder)? {
+            self.take_mcap(folder, parts, view);
+        }
+        let entries = fs::read_dir(folder).map_err(StorageError::io("read", folder))?;
+        for entry in entries {
+            let path = entry.map_err(StorageError::io("read", folder))?.path();
+            let is_hidden = path
+                .file_name()
+                .is_some_and(|n| n.to_string_lossy().starts_with('.'));
+            if is_hidden {
+                continue;
+            }
+            if path.is_dir() {
+                // A link to a folder around it would lead there again and again.
+                if !(path.is_symlink() && real(folder).starts_with(real(&path))) {
+                    self.take_folder(&path, view)?;
+                }
+            } else if path.extension().is_some_and(|e| e == "mcap") {
+                self.take_mcap(&path, vec![path.clone()], view);
+            } else if is_of_other_format(&path)
+                && self.passed_over.as_ref().is_none_or(|first| path < *first)
+            {
+                self.passed_over = Some(path);
+            }
+        }
+        Ok(())
+    }
+}
+
+fn is_of_other_format(path: &Path) -> bool {
+    let ending = path.extension();
+    ending.is_some_and(|e| OF_OTHER_FORMATS.iter().any(|other| e == *other))
+}
