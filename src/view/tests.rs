@@ -157,6 +157,41 @@ fn a_task_that_is_done_again_is_entered_below_the_rows() {
     assert_eq!(curves, 1, "the seam is no straight line");
 }
 
+/// The places of the numbers of one digit.
+fn badges(svg: &str) -> Vec<[f32; 2]> {
+    let value = |line: &str, key: &str| -> f32 {
+        let (_, rest) = line.split_once(&format!("{key}=\"")).expect("the key");
+        let (value, _) = rest.split_once('"').expect("a value");
+        value.parse().expect("a number")
+    };
+    let circles = svg.lines().filter(|line| line.contains("r=\"9.5\""));
+    circles
+        .map(|line| ["cx", "cy"].map(|key| value(line, key)))
+        .collect()
+}
+
+#[test]
+fn numbers_of_rounds_in_neighbouring_rows_do_not_touch() {
+    let mut graph = TopologicalGraph::new(1, 3);
+    let first = demonstrate(&mut graph, "a", "a_0", 20, 10);
+    let second = demonstrate(&mut graph, "a", "a_1", 20, 10);
+    graph.add_edge(first[19], second[0], edge(EdgeKind::CrossTask, 0.9));
+    let there_and_again = [first.clone(), second.clone()].concat();
+    graph.add_edge(second[19], first[0], edge(EdgeKind::CrossTask, 0.9));
+    for route in [there_and_again, [second, first].concat()] {
+        let svg = merged_graph_svg(&graph, Some(&route), "twice");
+        let places = badges(&svg);
+        // Those of four subgoals, and that of the legend.
+        assert_eq!(places.len(), 5);
+        for (i, a) in places.iter().enumerate() {
+            for b in &places[..i] {
+                let between = (a[0] - b[0]).hypot(a[1] - b[1]);
+                assert!(between >= 19.0, "{a:?} and {b:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn subgoals_of_later_rounds_are_numbered_too() {
     let (graph, route) = twice();

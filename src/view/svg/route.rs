@@ -10,8 +10,10 @@ const WHITE: Rgb = Rgb(255, 255, 255);
 const BADGE_RADIUS: f32 = 9.5;
 const NUMBER_SIZE: f32 = 11.5;
 const STAR_RADIUS: f32 = 13.0;
-/// How far above its place a number stands that would touch the star.
+/// How far above its place, or above the star, a number stands that would touch the star.
 const LIFT: f32 = 24.0;
+/// What two badges above each other leave free between them.
+const BETWEEN: f32 = 2.0;
 
 /// The planned route in bold, numbered where it reaches a subgoal, starred where it ends.
 pub(super) fn paint(
@@ -37,10 +39,15 @@ pub(super) fn paint(
          stroke-width=\"3\"/>",
         INK.hex()
     ));
+    let mut badges = Vec::new();
+    let mut texts = Vec::new();
     for (node, numbers) in stage_ends(graph, route) {
         let numbers: Vec<String> = numbers.iter().map(usize::to_string).collect();
         let text = numbers.join(", ");
-        let place = beside(layout.at(node), half_width(&text), layout.at(*last));
+        badges.push((layout.at(node), half_width(&text)));
+        texts.push(text);
+    }
+    for (place, text) in apart(&badges, layout.at(*last)).into_iter().zip(texts) {
         badge(canvas, place, &text);
     }
     canvas.star(layout.at(*last), STAR_RADIUS, STAR);
@@ -86,11 +93,43 @@ fn stage_ends(graph: &TopologicalGraph, route: &[NodeId]) -> Vec<(NodeId, Vec<us
     ends
 }
 
+/// Where badges stand, given their places and half their widths, so that they cover nothing of each other: of two in
+/// neighbouring rows, as in two rounds of a task, the upper one stands higher.
+fn apart(badges: &[([f32; 2], f32)], star: [f32; 2]) -> Vec<[f32; 2]> {
+    let mut from_below: Vec<usize> = (0..badges.len()).collect();
+    from_below.sort_by(|a, b| badges[*b].0[1].total_cmp(&badges[*a].0[1]));
+    let mut stand: Vec<Option<[f32; 2]>> = vec![None; badges.len()];
+    for badge in from_below {
+        let (place, half) = badges[badge];
+        let mut place = beside(place, half, star);
+        let others = || {
+            stand
+                .iter()
+                .zip(badges)
+                .filter_map(|(at, (_, half))| Some(((*at)?, *half)))
+        };
+        // Each time it comes to stand above another one, and never gets below it again.
+        while let Some((other, _)) = others().find(|other| touch((place, half), *other)) {
+            let above = other[1] - 2.0 * BADGE_RADIUS - BETWEEN;
+            place = beside([place[0], above], half, star);
+        }
+        stand[badge] = Some(place);
+    }
+    stand.into_iter().flatten().collect()
+}
+
+/// Whether two badges, each with half its width, touch.
+fn touch(([x0, y0], half0): ([f32; 2], f32), ([x1, y1], half1): ([f32; 2], f32)) -> bool {
+    let straight = half0 + half1 - 2.0 * BADGE_RADIUS;
+    let between = ((x0 - x1).abs() - straight).max(0.0);
+    between.hypot(y0 - y1) < 2.0 * BADGE_RADIUS
+}
+
 /// Where numbers stand so that the star covers nothing of them.
 fn beside([x, y]: [f32; 2], half_width: f32, star: [f32; 2]) -> [f32; 2] {
     let apart = ((x - star[0]).abs() - (half_width - BADGE_RADIUS)).max(0.0);
     let touches = apart.hypot(y - star[1]) < BADGE_RADIUS + STAR_RADIUS;
-    [x, if touches { y - LIFT } else { y }]
+    [x, if touches { y.min(star[1]) - LIFT } else { y }]
 }
 
 /// Of the badge around these numbers, which is a circle as long as they fit.
@@ -153,6 +192,29 @@ mod tests {
         assert_eq!(beside(star), [200.0, 26.0]);
         assert_eq!(beside([184.0, 50.0]), [184.0, 26.0]);
         assert_eq!(beside([170.0, 50.0]), [170.0, 50.0]);
+    }
+
+    #[test]
+    fn badges_in_neighbouring_rows_stand_apart_and_others_stay() {
+        let star = [900.0, 50.0];
+        let narrow = half_width("1");
+        let places = [[100.0, 50.0], [100.0, 66.0], [100.0, 58.0], [130.0, 60.0]];
+        let badges = places.map(|place| (place, narrow));
+        let stand = apart(&badges, star);
+        assert_eq!(
+            stand,
+            [[100.0, 24.0], [100.0, 66.0], [100.0, 45.0], [130.0, 60.0]]
+        );
+        // Beside a wide one there is less room.
+        let wide = [
+            ([130.0, 60.0], half_width("3, 11, 19")),
+            ([100.0, 58.0], narrow),
+        ];
+        assert_eq!(apart(&wide, star), [[130.0, 60.0], [100.0, 39.0]]);
+        // Where it has to go the star is, too.
+        let ends = [([200.0, 66.0], narrow), ([200.0, 60.0], narrow)];
+        let stand = apart(&ends, [200.0, 50.0]);
+        assert_eq!(stand, [[200.0, 26.0], [200.0, 5.0]]);
     }
 
     #[test]
