@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::ingredients::Ingredients;
 use super::method::{Method, TABLE_3, chosen};
 use super::plan::{QUICK_NOTE, Size, digest, out};
 use super::workshop::Workshop;
@@ -35,7 +36,7 @@ pub(super) fn figure_5(paper: &PaperArguments, arguments: &Arguments) -> Result<
                 let ingredients = workshop.ingredients(method);
                 let digest = digest(&(method.name, demonstrations, words, ingredients))?;
                 let file = curve_file(&out, method.name, seed);
-                let recipe = || Ok(recipe(&workshop, method, demonstrations, &size, seed));
+                let recipe = || Ok(recipe(method, demonstrations, &size, seed));
                 let missing = workshop.missing::<LossCurve>(file, digest, recipe)?;
                 curves.extend(missing.map(|missing| (method, seed, missing)));
             }
@@ -57,19 +58,13 @@ fn command(method: &Method, size: &Size, seed: u64) -> String {
 }
 
 /// What a curve would be made of now.
-fn recipe(
-    workshop: &Workshop<'_>,
-    method: &Method,
-    demonstrations: usize,
-    size: &Size,
-    seed: u64,
-) -> Recipe {
+fn recipe(method: &Method, demonstrations: usize, size: &Size, seed: u64) -> Recipe {
     let number = "the number of demonstrations";
     let named = vec![
         Ingredient::Value(number, "/demonstrations", demonstrations.into()),
         Ingredient::Commands(vec![command(method, size, seed)]),
     ];
-    workshop.recipe(method, named, &["the recordings"])
+    Ingredients::recipe(method, named, &["the recordings"])
 }
 
 fn measure(

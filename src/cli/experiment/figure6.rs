@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::ingredients::Ingredients;
 use super::method::{BC, Method, OURS, chosen};
 use super::plan::{QUICK_NOTE, Size, digest, out};
 use super::workshop::{Trained, Workshop};
@@ -122,7 +123,7 @@ pub(super) fn figure_6(paper: &PaperArguments, arguments: &Arguments) -> Result<
                     size.episodes,
                     size.seed,
                 ))?;
-                let recipe = || Ok(recipe(&workshop, &method, demonstrations, &size));
+                let recipe = || Ok(recipe(&method, demonstrations, &size));
                 let file = cell_file(&out, line);
                 let missing = workshop.missing::<CertaintyCell>(file, digest, recipe)?;
                 lines.extend(missing.map(|missing| (line, missing)));
@@ -143,7 +144,7 @@ fn cell_file(out: &Path, line: &Line) -> PathBuf {
 }
 
 /// What a cell would be made of now.
-fn recipe(workshop: &Workshop<'_>, method: &Method, demonstrations: usize, size: &Size) -> Recipe {
+fn recipe(method: &Method, demonstrations: usize, size: &Size) -> Recipe {
     let number = |what, place, now: u64| Ingredient::Value(what, place, now.into());
     let named = vec![
         number(
@@ -155,7 +156,7 @@ fn recipe(workshop: &Workshop<'_>, method: &Method, demonstrations: usize, size:
         number("the seed of the first episode", "/seed", size.seed),
     ];
     let unnamed = ["the recordings", "the flags of the training"];
-    workshop.recipe(method, named, &unnamed)
+    Ingredients::recipe(method, named, &unnamed)
 }
 
 /// Measures a line, training its method if need be.

@@ -8,6 +8,7 @@ use super::method::{MVP, Method};
 use super::workshop::task_file;
 use crate::cli::arguments::PaperArguments;
 use crate::cli::error::CliError;
+use crate::cli::recipe::{Ingredient, Recipe};
 use crate::experiment::PAPER_TASKS;
 use crate::model::sha256_hex;
 use crate::storage::{ReadOptions, Recordings, sha256_file};
@@ -75,8 +76,18 @@ impl Ingredients {
         [&self.recordings, &self.tasks, self.particulars(method)]
     }
 
+    /// What a cell of a method would be made of now: what it names, and what it does not, beside what none does.
+    pub(super) fn recipe(
+        method: &Method,
+        named: Vec<Ingredient>,
+        unnamed: &[&'static str],
+    ) -> Recipe {
+        let unnamed = [unnamed, &Self::unnamed(method)].concat();
+        Recipe { named, unnamed }
+    }
+
     /// What cells of a method depend on and do not name.
-    pub(super) fn unnamed(method: &Method) -> Vec<&'static str> {
+    fn unnamed(method: &Method) -> Vec<&'static str> {
         let mut unnamed = vec![
             "the files of the tasks",
             "whether recordings are given (--demos)",

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
+use super::ingredients::Ingredients;
 use super::method::{Method, TABLE_1, TABLE_3, chosen};
 use super::plan::{QUICK_NOTE, Size, digest, out, rising};
 use super::workshop::{Trained, Workshop, evaluation, recordings_name};
@@ -251,7 +252,7 @@ fn recipe(
         &[]
     };
     named.push(Ingredient::Commands(commands));
-    Ok(workshop.recipe(method, named, unnamed))
+    Ok(Ingredients::recipe(method, named, unnamed))
 }
 
 /// The commands behind a cell, in order, without the folder that they work in.

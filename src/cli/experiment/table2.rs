@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::ingredients::Ingredients;
 use super::method::{Method, OURS, TABLE_1, chosen};
 use super::plan::{Size, digest, out};
 use super::workshop::{Workshop, evaluation};
@@ -138,7 +139,7 @@ fn recipe(
         Ingredient::Commands(vec![command]),
     ];
     let unnamed = ["the recordings", "the flags of the training"];
-    Ok(workshop.recipe(method, named, &unnamed))
+    Ok(Ingredients::recipe(method, named, &unnamed))
 }
 
 fn cell_file(out: &Path, method: &Method, demonstrations: usize, engine: &str) -> PathBuf {

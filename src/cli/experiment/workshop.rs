@@ -118,17 +118,6 @@ impl<'a> Workshop<'a> {
         Missing::unless_kept_of_any_episodes::<T>(file, episodes, digest_of, replace, recipe)
     }
 
-    /// What a cell of a method would be made of now: what it names, and what it does not, beside what none does.
-    pub(super) fn recipe(
-        &self,
-        method: &Method,
-        named: Vec<Ingredient>,
-        unnamed: &[&'static str],
-    ) -> Recipe {
-        let unnamed = [unnamed, &Ingredients::unnamed(method)].concat();
-        Recipe { named, unnamed }
-    }
-
     /// The first recordings of each task as cells name them; none of a task that has not so many yet.
     pub(super) fn recordings_now(&self, demonstrations: usize) -> Vec<Ingredient> {
         let of_task = |task: &str| {

@@ -89,7 +89,7 @@ fn what_info_json_calls_a_depth_map_is_left_out() {
     let dataset = with_two_cameras(folder.path());
     let is_depth = || serde_json::json!({"is_depth_map": true});
     change_info(&dataset, |info| {
-        info["features"][WRIST]["info"] = is_depth()
+        info["features"][WRIST]["info"] = is_depth();
     });
     let read = all(&dataset).remove(0);
     assert_eq!(cameras(&read), ["head"]);
