@@ -64,7 +64,11 @@ impl Map {
             ));
             scene.push((at("states"), self.states(graph, index)));
             scene.push((at("subgoals"), self.subgoals(index)));
-            scene.push((at("subgoal_names"), self.subgoal_names(index)));
+            let names = block.columns.iter().zip(self.subgoal_places(index));
+            for (number, (column, place)) in names.enumerate() {
+                let name = Self::subgoal_name(index, place, &column.subgoal);
+                scene.push((at(&format!("subgoal_names/{number}")), name));
+            }
             let name = Points2D::new([[block.x, self.labels.tasks_y]])
                 .with_labels([block.task.as_str()])
                 .with_show_labels(true)
@@ -159,11 +163,10 @@ impl Map {
     }
 
     /// The viewer writes a point's label below it.
-    fn subgoal_names(&self, block: usize) -> Logged {
-        let columns = &self.layout.blocks[block].columns;
+    fn subgoal_name(block: usize, place: [f32; 2], name: &str) -> Logged {
         Box::new(
-            Points2D::new(self.subgoal_places(block))
-                .with_labels(columns.iter().map(|c| c.subgoal.as_str()))
+            Points2D::new([place])
+                .with_labels([name])
                 .with_show_labels(true)
                 .with_colors([solid(palette::task(block).mixed(WHITE, 0.3))])
                 .with_radii([Radius::new_ui_points(2.0)]),
@@ -176,11 +179,12 @@ impl Map {
         columns.zip(heights).map(|(column, y)| [column.x, *y])
     }
 
-    /// Two points that nobody sees: the viewer shows as much as all points need, and forgets their names.
+    /// A line that nobody sees, around the map and its names: the viewer shows as much as all lines need, and forgets names.
+    /// (Of a few points it would show twice as much, since it takes points for scattered.)
     fn margin(&self) -> Logged {
         Box::new(
-            Points2D::new(self.labels.corners(&self.layout))
-                .with_colors([solid(BACKGROUND)])
+            LineStrips2D::new([self.labels.corners(&self.layout)])
+                .with_colors([Color::from_unmultiplied_rgba(0, 0, 0, 0)])
                 .with_radii([Radius::new_ui_points(0.1)]),
         )
     }
