@@ -38,7 +38,7 @@ pub use evaluation::{EpisodeResult, Evaluation, SubgoalTally};
 pub use graph_truth::{EdgeTally, FalseEdges};
 pub use interval::wilson_interval_95;
 pub use localisation::{LocalisationError, LocalisationScore};
-pub use loss_curve::{LossCurve, LossPoint, losses_table};
+pub use loss_curve::{LossCurve, LossPoint, losses_table, of_common_seeds};
 pub use rate_cell::{
     PAPER_TABLE_1, PAPER_TABLE_3, PAPER_TASKS, PublishedRate, RateCell, paper_rate,
     paper_rate_of_all, rate_of_all, rates_table,

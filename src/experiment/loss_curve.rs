@@ -94,37 +94,83 @@ impl LossCurve {
     }
 }
 
-/// A Markdown table of the least validation losses: a row a method of `rows` (`(method, what it is for
-/// people)`), means over its seeds with the least and the largest.
+/// A Markdown table of the least validation losses: a row a method of `rows` (`(method, what it is for people)`), means over
+/// its seeds with the least and the largest, and how much higher they are than those of the first row on the seeds that both have.
+/// The seed also draws which demonstrations are held out, so that losses of different seeds are of different ones.
 #[must_use]
 pub fn losses_table(curves: &[LossCurve], rows: &[(&str, &str)]) -> String {
     let mut table = String::from(
-        "| | weights | seeds | traversability loss | policy loss |\n|---|---|---|---|---|\n",
+        "| | weights | seeds | traversability loss | difference to the first row | policy loss | difference to the first row |\n\
+         |---|---|---|---|---|---|---|\n",
     );
-    for (method, described) in rows {
-        let of_row: Vec<&LossCurve> = curves.iter().filter(|c| c.method == *method).collect();
-        let least: Vec<(f64, f64)> = of_row.iter().filter_map(|c| c.least()).collect();
-        let Some(first) = of_row.first().filter(|_| !least.is_empty()) else {
-            let _ = writeln!(table, "| {described} | | 0 | not measured | not measured |");
+    let of_row = |method: &str| -> Vec<&LossCurve> {
+        let of_row = curves.iter().filter(|c| c.method == method);
+        of_row.filter(|c| !c.points.is_empty()).collect()
+    };
+    let first = rows.first().map_or_else(Vec::new, |(m, _)| of_row(m));
+    for (index, (method, described)) in rows.iter().enumerate() {
+        let of_row = of_row(method);
+        let Some(any) = of_row.first() else {
+            let _ = writeln!(
+                table,
+                "| {described} | | 0 | not measured | | not measured | |"
+            );
             continue;
         };
-        let printed = |value: fn(&(f64, f64)) -> f64| {
-            let values: Vec<f64> = least.iter().map(value).collect();
-            let mean = values.iter().sum::<f64>() / values.len() as f64;
-            let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-            let high = values.iter().copied().fold(0.0, f64::max);
-            format!("**{mean:.3}** {low:.3}-{high:.3}")
-        };
+        let beside = if index == 0 { &[][..] } else { &first };
         let _ = writeln!(
             table,
             "| {described} | {} | {} | {} | {} |",
-            first.weights,
-            least.len(),
-            printed(|l| l.0),
-            printed(|l| l.1)
+            any.weights,
+            of_row.len(),
+            losses(&of_row, beside, |least| least.0),
+            losses(&of_row, beside, |least| least.1)
         );
     }
     table
+}
+
+/// The least losses of some curves, and how much higher they are than those of others of the same seeds, as two cells.
+fn losses(of_row: &[&LossCurve], others: &[&LossCurve], of: fn((f64, f64)) -> f64) -> String {
+    let least = |curve: &LossCurve| curve.least().map(of);
+    let values: Vec<f64> = of_row.iter().filter_map(|c| least(c)).collect();
+    let differences: Vec<f64> = (of_row.iter())
+        .filter_map(|curve| {
+            let other = others.iter().find(|o| o.seed == curve.seed)?;
+            Some(least(curve)? - least(other)?)
+        })
+        .collect();
+    let plain = |value: f64| format!("{value:.3}");
+    let signed = |value: f64| format!("{value:+.3}");
+    format!(
+        "{} | {}",
+        mean_and_range(&values, plain),
+        mean_and_range(&differences, signed)
+    )
+}
+
+/// The mean, and from where to where values reach if there are several.
+fn mean_and_range(values: &[f64], print: impl Fn(f64) -> String) -> String {
+    let mean = print(values.iter().sum::<f64>() / values.len() as f64);
+    match values {
+        [] => String::new(),
+        [_] => format!("**{mean}**"),
+        _ => {
+            let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            format!("**{mean}** {} to {}", print(low), print(high))
+        }
+    }
+}
+
+/// Of some curves those of the seeds that all methods have which have any.
+#[must_use]
+pub fn of_common_seeds(curves: &[LossCurve]) -> Vec<&LossCurve> {
+    let has = |method: &str, seed: u64| {
+        (curves.iter()).any(|other| other.method == method && other.seed == seed)
+    };
+    let is_common = |seed: u64| curves.iter().all(|other| has(&other.method, seed));
+    curves.iter().filter(|c| is_common(c.seed)).collect()
 }
 
 #[cfg(test)]
@@ -165,18 +211,40 @@ mod tests {
     }
 
     #[test]
-    fn the_table_has_the_least_of_each_curve() {
+    fn the_table_has_the_least_of_each_curve_and_compares_seed_by_seed() {
+        let other = |method: &str, curve: LossCurve| LossCurve {
+            method: method.to_owned(),
+            ..curve
+        };
         let curves = [
             curve(1, &[(3.0, 2.0), (1.0, 1.5)]),
             curve(2, &[(2.0, 1.0), (2.5, 3.0)]),
+            other("siamese", curve(2, &[(2.25, 0.5)])),
+            other("siamese", curve(3, &[(4.0, 4.0)])),
         ];
-        let table = losses_table(&curves, &[("ours", "latent flow"), ("siamese", "Siamese")]);
+        let rows = [
+            ("ours", "latent flow"),
+            ("siamese", "Siamese"),
+            ("none", "no curve"),
+        ];
+        let table = losses_table(&curves, &rows);
         let lines: Vec<&str> = table.lines().collect();
         assert_eq!(
-            lines[2],
-            "| latent flow | 7 | 2 | **1.500** 1.000-2.000 | **1.250** 1.000-1.500 |"
+            lines[2..],
+            [
+                "| latent flow | 7 | 2 | **1.500** 1.000 to 2.000 |  | **1.250** 1.000 to 1.500 |  |",
+                "| Siamese | 7 | 2 | **3.125** 2.250 to 4.000 | **+0.250** | **2.250** 0.500 to 4.000 | **-0.500** |",
+                "| no curve | | 0 | not measured | | not measured | |"
+            ]
         );
-        assert_eq!(lines[3], "| Siamese | | 0 | not measured | not measured |");
+        let common = of_common_seeds(&curves);
+        assert_eq!(
+            common
+                .iter()
+                .map(|c| (&*c.method, c.seed))
+                .collect::<Vec<_>>(),
+            [("ours", 2), ("siamese", 2)]
+        );
         let mean = LossCurve::mean(&[&curves[0], &curves[1]]);
         assert!((mean[1].traversability - 1.75).abs() < 1e-12 && mean[1].step == 10);
     }

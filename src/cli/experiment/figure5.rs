@@ -12,7 +12,7 @@ use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
 use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::cli::recipe::{Ingredient, Recipe};
-use crate::experiment::{LossCurve, LossPoint, losses_table};
+use crate::experiment::{LossCurve, LossPoint, losses_table, of_common_seeds};
 use crate::training::TrainedModel;
 use crate::view::{Panel, write_curves_svg};
 
@@ -123,13 +123,20 @@ fn draw(out: &Path, size: &Size) -> Result<(), CliError> {
         table = format!("{QUICK_NOTE}\n\n{table}");
     }
     keep_text(&out.join("table.md"), table.as_bytes())?;
+    plot(out, &of_common_seeds(&curves), size)?;
+    println!("\n{table}\nin {}", out.display());
+    Ok(())
+}
+
+/// The means over the seeds that all methods have: other seeds hold out other demonstrations.
+fn plot(out: &Path, curves: &[&LossCurve], size: &Size) -> Result<(), CliError> {
     let panel = |label: &str, value: fn(&LossPoint) -> f64| Panel {
         label: label.to_owned(),
         lines: TABLE_3
             .iter()
             .filter_map(|method| {
-                let of_row: Vec<&LossCurve> =
-                    curves.iter().filter(|c| c.method == method.name).collect();
+                let of_row = curves.iter().copied().filter(|c| c.method == method.name);
+                let of_row: Vec<&LossCurve> = of_row.collect();
                 let mean = LossCurve::mean(&of_row);
                 let points = mean.iter().map(|p| [p.step as f64, value(p)]).collect();
                 (!of_row.is_empty()).then(|| (method.described.to_owned(), points))
@@ -140,14 +147,25 @@ fn draw(out: &Path, size: &Size) -> Result<(), CliError> {
         panel("traversability", |p| p.traversability),
         panel("policy", |p| p.policy),
     ];
-    let title = if size.is_quick {
-        "Loss on held-out demonstrations (small version)"
-    } else {
-        "Loss on held-out demonstrations"
+    let title = title(curves, size.is_quick);
+    Ok(write_curves_svg(
+        &out.join("fig5.svg"),
+        &panels,
+        &title,
+        "optimiser steps",
+    )?)
+}
+
+fn title(curves: &[&LossCurve], is_quick: bool) -> String {
+    let seeds: BTreeSet<u64> = curves.iter().map(|c| c.seed).collect();
+    let seeds: Vec<String> = seeds.iter().map(u64::to_string).collect();
+    let of = match &seeds[..] {
+        [] => "no seed that all networks have".to_owned(),
+        [seed] => format!("seed {seed}"),
+        _ => format!("mean of the seeds {}", seeds.join(", ")),
     };
-    write_curves_svg(&out.join("fig5.svg"), &panels, title, "optimiser steps")?;
-    println!("\n{table}\nin {}", out.display());
-    Ok(())
+    let version = if is_quick { " (small version)" } else { "" };
+    format!("Loss on held-out demonstrations, {of}{version}")
 }
 
 #[cfg(test)]
