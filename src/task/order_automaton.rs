@@ -269,8 +269,8 @@ impl OrderAutomaton {
     }
 
     /// How many orders of tasks it allows, each counted once, of those whose last task is the one given; without one of
-    /// all, also that of no task. `None` where the same orders can be come by in so many ways that counting them takes
-    /// long: there are [`way_count`](Self::way_count) at most.
+    /// all, also that of no task. `None` where there are more than a `u64` holds, or where the same orders can be come by
+    /// in so many ways that counting them takes long: there are [`way_count`](Self::way_count) at most.
     #[must_use]
     pub fn order_count(&self, last: Option<&str>) -> Option<u64> {
         OrderWalk::new(self, last, usize::MAX).count()

@@ -57,7 +57,7 @@ impl<'a> OrderWalk<'a> {
         self.found
     }
 
-    /// How many orders there are, each counted once; none where that would take long.
+    /// How many orders there are, each counted once; none where that would take long or there are more than a `u64` holds.
     pub(super) fn count(mut self) -> Option<u64> {
         self.count_from(vec![0], &mut Counted::new())
     }
@@ -72,13 +72,13 @@ impl<'a> OrderWalk<'a> {
         let mut count = 0_u64;
         for next in self.ahead_of(&here.0) {
             let (Some(task), states) = next else {
-                count = count.saturating_add(1);
+                count = count.checked_add(1)?;
                 continue;
             };
             self.done.push(task);
             let below = self.count_from(states, counted);
             self.done.pop();
-            count = count.saturating_add(below?);
+            count = count.checked_add(below?)?;
         }
         if counted.len() == MOST_SETS {
             return None;
@@ -237,5 +237,15 @@ mod tests {
         let automaton = OrderAutomaton::new(&order).expect("it is small");
         assert_eq!(automaton.order_count(None), None);
         assert!(automaton.way_count() > 1 << 20);
+    }
+
+    #[test]
+    fn more_orders_than_a_number_holds_are_not_told_as_a_number() {
+        let count = |times: u32| {
+            let automaton = OrderAutomaton::new(&repeated(times, either()));
+            automaton.expect("it is small").order_count(None)
+        };
+        assert_eq!(count(63), Some(1 << 63));
+        assert_eq!(count(64), None);
     }
 }
