@@ -20,6 +20,8 @@ const OF_OTHER_FORMATS: [&str; 6] = ["bag", "db3", "h5", "hdf5", "zst", "zstd"];
 pub(super) struct Search {
     options: ReadOptions,
     sources: Vec<Source>,
+    /// The files of the bags that were taken, from the root on: whoever names another one of them means the same bag.
+    parts: BTreeSet<PathBuf>,
     /// Of the files of other formats that were passed over the first.
     passed_over: Option<PathBuf>,
 }
@@ -29,6 +31,7 @@ impl Search {
         Self {
             options: options.clone(),
             sources: Vec::new(),
+            parts: BTreeSet::new(),
             passed_over: None,
         }
     }
@@ -86,6 +89,9 @@ impl Search {
             return self.take_folder(path, &view);
         }
         fs::metadata(path).map_err(StorageError::io("read", path))?;
+        if self.parts.contains(&from_root(path)) {
+            return Ok(());
+        }
         if let Some(folder) = bag::around(path)
             && let Some(parts) = bag::parts(&folder)?
         {
@@ -98,6 +104,9 @@ impl Search {
 
     /// Takes a recording of one file or several.
     fn take_mcap(&mut self, place: &Path, files: Vec<PathBuf>, view: &View) {
+        if files.len() > 1 {
+            self.parts.extend(files.iter().map(|file| from_root(file)));
+        }
         self.sources.push(Source {
             place: place.to_owned(),
             container: Container::Mcap { files },
@@ -154,4 +163,34 @@ impl Search {
 fn is_of_other_format(path: &Path) -> bool {
     let ending = path.extension();
     ending.is_some_and(|e| OF_OTHER_FORMATS.iter().any(|other| e == *other))
+}
+
+/// A path from the root on, as it is written.
+fn from_root(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bag_of_which_all_files_are_named_is_taken_once() {
+        const PARTS: [&str; 3] = ["run_0.mcap", "run_1.mcap", "run_2.mcap"];
+        let bag = tempfile::tempdir().unwrap();
+        let listed = PARTS.map(|part| format!("    - {part}\n")).concat();
+        let metadata = format!("rosbag2_bagfile_information:\n  relative_file_paths:\n{listed}");
+        fs::write(bag.path().join(bag::METADATA_FILE), metadata).unwrap();
+        let mut search = Search::new(&ReadOptions::default());
+        let mut files = PARTS.map(|part| bag.path().join(part)).to_vec();
+        files.push(bag.path().join("beside.mcap"));
+        for file in &files {
+            fs::write(file, "").unwrap();
+        }
+        for file in &files {
+            search.take(file, None).unwrap();
+        }
+        let places: Vec<&Path> = search.sources.iter().map(|s| s.place.as_path()).collect();
+        assert_eq!(places, [bag.path(), files[3].as_path()]);
+    }
 }
