@@ -180,13 +180,13 @@ impl Layout {
         first.map(|p| p.stage).min().unwrap_or(0)
     }
 
-    /// The stage of the places at which so many subgoals hold. A layout that has each task once has no places of later
-    /// rounds: those of the first one stand for them.
+    /// The stage of the places at which so many subgoals hold, the last of them reached there. A layout that has each task
+    /// once has no places of later rounds: those of the first one stand for them.
     pub(super) fn laid_out_stage(&self, automaton: &Automaton, stage: usize) -> usize {
-        let is_there =
-            self.search == Search::InOrder || self.places.iter().any(|place| place.stage == stage);
-        let round = self.offsets.iter().rposition(|offset| *offset <= stage);
-        let Some(round) = round.filter(|_| !is_there) else {
+        let last = stage.checked_sub(1);
+        let last = last.filter(|_| self.search == Search::Unconstrained);
+        let round = last.and_then(|last| self.offsets.iter().rposition(|offset| *offset <= last));
+        let Some(round) = round else {
             return stage;
         };
         let tasks = automaton.tasks();

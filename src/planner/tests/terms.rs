@@ -493,6 +493,21 @@ fn the_papers_plan_goes_on_in_a_later_round_though_each_task_is_laid_out_once() 
 }
 
 #[test]
+fn the_papers_plan_begins_at_the_end_of_a_later_round_and_not_within_the_next_task() {
+    let [a, b] = tasks();
+    // The four subgoals of both rounds are as many as hold where `b` begins.
+    let automaton = Automaton::in_order(&[a.clone(), a, b]);
+    for options in [PlannerOptions::paper(), options()] {
+        let terms = starting(Start::Stage(4));
+        let planner = Planner::new(around(), &automaton, terms, options);
+        let planner = planner.expect("both tasks are there");
+        let plan = planner.plan_from_start().expect("the corridor is open");
+        let first = planner.graph().node(plan.route[0]);
+        assert_eq!((first.task.as_str(), first.step), ("a", 19));
+    }
+}
+
+#[test]
 fn the_ends_of_a_last_task_are_counted_also_where_each_task_is_laid_out_once() {
     let [a, b] = tasks();
     let rounds = [[a.clone(), b.clone(), a.clone()], [a.clone(), a, b]];
