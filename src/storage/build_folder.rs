@@ -40,7 +40,7 @@ pub struct BuildFolder {
     graph_folder: PathBuf,
     folder: PathBuf,
     progress: Progress,
-    _lock: Lock,
+    lock: Lock,
 }
 
 /// `build.json`.
@@ -102,7 +102,7 @@ impl BuildFolder {
             graph_folder: graph_folder.to_owned(),
             folder,
             progress: kept.unwrap_or(fresh),
-            _lock: lock,
+            lock,
         };
         build.save_progress()?;
         Ok(build)
@@ -176,7 +176,7 @@ impl BuildFolder {
         let saved = save_graph_from_parts(&self.graph_folder, states, &parts, manifest, images)?;
         // What came into the folder meanwhile keeps it.
         if check_build_place(&self.folder).is_ok() {
-            fs::remove_dir_all(&self.folder).map_err(StorageError::io("remove", &self.folder))?;
+            remove(&self.folder, self.lock)?;
         }
         Ok(saved)
     }
@@ -231,6 +231,18 @@ fn empty(folder: &Path) -> Result<(), StorageError> {
         }
     }
     Ok(())
+}
+
+/// Removes a folder that a build has finished with, and its lock. Some file systems, NFS among them, keep a name in the
+/// folder for each file that is open, so that it only goes after the lock.
+fn remove(folder: &Path, lock: Lock) -> Result<(), StorageError> {
+    empty(folder)?;
+    if fs::remove_dir_all(folder).is_ok() {
+        return Ok(());
+    }
+    drop(lock);
+    // What another build has put there meanwhile keeps it.
+    fs::remove_dir(folder).map_err(StorageError::io("remove", folder))
 }
 
 /// What a build had done; none where there was none, or one that cannot be understood.
