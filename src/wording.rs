@@ -19,6 +19,11 @@ pub(crate) fn counted(number: usize, noun: &str) -> String {
     format!("{} {noun}{ending}", grouped(number))
 }
 
+/// A number, or that it is too great to be told.
+pub(crate) fn number_or_many(number: Option<u64>) -> String {
+    number.map_or_else(|| "very many".to_owned(), |number| number.to_string())
+}
+
 /// Names with commas, of a long list the first so many and how many more there are: `a, b and 3 more`.
 pub(crate) fn listed(names: impl IntoIterator<Item: AsRef<str>>, most: usize) -> String {
     let mut names = names.into_iter();

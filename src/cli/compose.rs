@@ -9,7 +9,7 @@ use super::loaded::{Loaded, tell_warnings};
 use crate::graph::{EdgeKind, TopologicalGraph};
 use crate::planner::{Audit, Explanation, Plan, Planner};
 use crate::view::write_automaton_svg;
-use crate::wording::counted;
+use crate::wording::{counted, number_or_many};
 
 /// What a plan looks like to a program.
 #[derive(Serialize)]
@@ -203,7 +203,7 @@ fn described_order(
     (orders, has_optional_parts): (Option<u64>, bool),
     not_done: &[&str],
 ) -> String {
-    let all = orders.map_or_else(|| "very many".to_owned(), |count| count.to_string());
+    let all = number_or_many(orders);
     let chosen = if has_optional_parts {
         format!(": of {all}, the cheapest of those that leave the fewest optional parts out")
     } else {

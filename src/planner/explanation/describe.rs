@@ -1,7 +1,7 @@
 use std::fmt;
 
 use super::{EndCandidate, Explanation, OrdersExplained, PlanPart, TaskEnds};
-use crate::wording::counted;
+use crate::wording::{counted, number_or_many};
 
 impl fmt::Display for Explanation {
     /// Some dozens of lines, the last one without an end of line.
@@ -53,11 +53,10 @@ impl fmt::Display for OrdersExplained {
         if self.order_count.is_some_and(|count| count < 2) {
             return Ok(());
         }
-        let open = self.order_count;
-        let open = open.map_or_else(|| "very many".to_owned(), |count| count.to_string());
         writeln!(
             f,
-            "orders: {open} open, {} planned, {} of them connect{}",
+            "orders: {} open, {} planned, {} of them connect{}",
+            number_or_many(self.order_count),
             self.planned,
             self.connected,
             if self.planned > self.listed.len() {

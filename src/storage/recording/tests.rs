@@ -108,25 +108,42 @@ fn cameras_that_are_called_as_parts_of_topics_come_back() {
     assert_eq!(read.report.notes, Vec::<String>::new());
 }
 
-#[test]
-fn a_camera_outlives_a_damaged_first_image() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("demo.mcap");
-    let mut writer = mcap::Writer::new(fs::File::create(&path).unwrap()).unwrap();
-    let mut channel = |topic: &str, name: &str, encoding: &str| {
+/// Begins a file with channels, each of a topic, a name of its messages and their encoding.
+fn begin<const N: usize>(
+    path: &Path,
+    channels: [[&str; 3]; N],
+) -> (mcap::Writer<fs::File>, [u16; N]) {
+    let mut writer = mcap::Writer::new(fs::File::create(path).unwrap()).unwrap();
+    let ids = channels.map(|[topic, name, encoding]| {
         let schema = writer.add_schema(name, "", b"").unwrap();
         writer
             .add_channel(schema, topic, encoding, &[].into())
             .unwrap()
-    };
-    let camera = channel("/camera/top", "foxglove.CompressedImage", "protobuf");
-    let actions = channel("/action", "any.Action", "json");
-    let header = |channel_id, log_time: u64| MessageHeader {
+    });
+    (writer, ids)
+}
+
+/// The head of a message of a channel at a time in nanoseconds.
+fn at(channel_id: u16, log_time: u64) -> MessageHeader {
+    MessageHeader {
         channel_id,
         sequence: 0,
         log_time,
         publish_time: 0,
-    };
+    }
+}
+
+#[test]
+fn a_camera_outlives_a_damaged_first_image() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("demo.mcap");
+    let (mut writer, [camera, actions]) = begin(
+        &path,
+        [
+            ["/camera/top", "foxglove.CompressedImage", "protobuf"],
+            ["/action", "any.Action", "json"],
+        ],
+    );
     for i in 0..4 {
         let image = FoxgloveCompressedImage {
             data: if i == 0 {
@@ -138,13 +155,10 @@ fn a_camera_outlives_a_damaged_first_image() {
         };
         let nanos = 10 * i as u64;
         writer
-            .write_to_known_channel(
-                &header(camera, nanos),
-                &prost::Message::encode_to_vec(&image),
-            )
+            .write_to_known_channel(&at(camera, nanos), &prost::Message::encode_to_vec(&image))
             .unwrap();
         writer
-            .write_to_known_channel(&header(actions, nanos + 5), br#"{"values": [1, 2]}"#)
+            .write_to_known_channel(&at(actions, nanos + 5), br#"{"values": [1, 2]}"#)
             .unwrap();
     }
     writer.finish().unwrap();

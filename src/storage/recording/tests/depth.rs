@@ -12,17 +12,15 @@ const PACKED: &str = "/camera/depth/image_raw/compressedDepth";
 
 /// Ten images on `/camera/top` with an action each, and depths beside them.
 fn write(path: &Path) {
-    let mut writer = mcap::Writer::new(fs::File::create(path).unwrap()).unwrap();
-    let mut channel = |topic: &str, name: &str, encoding: &str| {
-        let schema = writer.add_schema(name, "", b"").unwrap();
-        writer
-            .add_channel(schema, topic, encoding, &[].into())
-            .unwrap()
-    };
-    let camera = channel("/camera/top", "foxglove.CompressedImage", "protobuf");
-    let raw = channel(RAW, "sensor_msgs/msg/Image", "cdr");
-    let packed = channel(PACKED, "sensor_msgs/msg/CompressedImage", "cdr");
-    let actions = channel("/action", "any.Action", "json");
+    let (mut writer, [camera, raw, packed, actions]) = begin(
+        path,
+        [
+            ["/camera/top", "foxglove.CompressedImage", "protobuf"],
+            [RAW, "sensor_msgs/msg/Image", "cdr"],
+            [PACKED, "sensor_msgs/msg/CompressedImage", "cdr"],
+            ["/action", "any.Action", "json"],
+        ],
+    );
     let depths = RawImage {
         header: Header::default(),
         height: 2,
@@ -49,12 +47,7 @@ fn write(path: &Path) {
             (actions, br#"{"values": [1, 2]}"#.to_vec()),
         ];
         for (channel_id, data) in messages {
-            let header = MessageHeader {
-                channel_id,
-                sequence: 0,
-                log_time: i * 100_000_000,
-                publish_time: 0,
-            };
+            let header = at(channel_id, i * 100_000_000);
             writer.write_to_known_channel(&header, &data).unwrap();
         }
     }

@@ -16,21 +16,14 @@ fn write(path: &Path, images: &[u64], actions: &[u64]) {
 
 /// The same with what is in the image messages.
 fn write_files(path: &Path, images: impl Iterator<Item = (u64, Vec<u8>)>, actions: &[u64]) {
-    let mut writer = mcap::Writer::new(fs::File::create(path).unwrap()).unwrap();
-    let mut channel = |topic: &str, name: &str, encoding: &str| {
-        let schema = writer.add_schema(name, "", b"").unwrap();
-        writer
-            .add_channel(schema, topic, encoding, &[].into())
-            .unwrap()
-    };
-    let camera = channel("/camera/top", "foxglove.CompressedImage", "protobuf");
-    let command = channel("/arm/command", "any.Command", "json");
-    let header = |channel_id, millis: u64| MessageHeader {
-        channel_id,
-        sequence: 0,
-        log_time: millis * MILLIS,
-        publish_time: 0,
-    };
+    let (mut writer, [camera, command]) = begin(
+        path,
+        [
+            ["/camera/top", "foxglove.CompressedImage", "protobuf"],
+            ["/arm/command", "any.Command", "json"],
+        ],
+    );
+    let header = |channel_id, millis: u64| at(channel_id, millis * MILLIS);
     for (millis, data) in images {
         let image = FoxgloveCompressedImage {
             data,
