@@ -275,6 +275,45 @@ mod tests {
     }
 
     #[test]
+    fn the_metadata_of_a_bag_stands_for_it_and_is_no_mapping_file() {
+        let root = tempfile::tempdir().unwrap();
+        let bag = root.path().join("run");
+        write_bag(&bag);
+        let metadata = bag.join("metadata.yaml");
+        let ids = |paths: &[PathBuf]| -> Vec<String> {
+            let recordings = Recordings::open(paths, &ReadOptions::default()).unwrap();
+            let (set, _) = recordings.demonstrations("sock").unwrap();
+            set.trajectories().iter().map(|t| t.id.clone()).collect()
+        };
+        // As a shell gives `run/*`, before its other files or behind them.
+        let parts = ["run_0.mcap", "run_1.mcap", "run_2.mcap"].map(|name| bag.join(name));
+        let before = [std::slice::from_ref(&metadata), &parts].concat();
+        let behind = [&parts[..], std::slice::from_ref(&metadata)].concat();
+        for paths in [&before[..], &behind[..], std::slice::from_ref(&metadata)] {
+            assert_eq!(ids(paths), ["run"]);
+        }
+        let named = Recordings::open(&before, &ReadOptions::default()).unwrap();
+        assert_eq!(named.tasks(), ["run"]);
+        let mapping = root.path().join("sock.yaml");
+        fs::write(&mapping, "recordings: run/metadata.yaml\n").unwrap();
+        assert_eq!(ids(&[mapping]), ["run"]);
+
+        // A bag of one file is that file, whatever lies beside it.
+        let one = "# mine\nrosbag2_bagfile_information:\n  relative_file_paths: [run_0.mcap]\n";
+        fs::write(&metadata, one).unwrap();
+        assert_eq!(ids(std::slice::from_ref(&metadata)), ["run_0"]);
+        assert_eq!(ids(&before[..2]), ["run_0"]);
+        let of_nothing = "rosbag2_bagfile_information: {}\n";
+        fs::write(&metadata, of_nothing).unwrap();
+        assert_eq!(ids(&before[..2]), ["run_0"]);
+        let error = recording_files(&[metadata]).unwrap_err();
+        assert!(
+            matches!(error, StorageError::NoRecordings { .. }),
+            "{error}"
+        );
+    }
+
+    #[test]
     fn damage_in_a_bag_is_told_with_the_name_of_its_file() {
         let root = tempfile::tempdir().unwrap();
         let bag = root.path().join("run");

@@ -26,9 +26,9 @@ use source::{Container, Source};
 /// The recordings among some paths, found but not read.
 ///
 /// A path is an MCAP file, a bag of several (a folder whose `metadata.yaml`, as `ros2 bag record` writes it, names them,
-/// or any of its files), a LeRobot dataset (a folder with `meta/info.json`), a folder in which any of these lies at any
-/// depth except in hidden folders, or a mapping file (`*.yaml`), which names recordings and says how they are read. A
-/// recording to which several paths lead counts once.
+/// or any of its files, that one included), a LeRobot dataset (a folder with `meta/info.json`), a folder in which any of
+/// these lies at any depth except in hidden folders, or a mapping file (any other `*.yaml`), which names recordings and
+/// says how they are read. A recording to which several paths lead counts once.
 #[derive(Clone, Debug)]
 pub struct Recordings {
     /// Sorted.
@@ -109,6 +109,9 @@ impl Recordings {
         }
         let mapped = self.mappings.first().map(|m| m.task());
         let named = self.paths.first().map(|path| {
+            let is_metadata = bag::is_metadata(path);
+            let folder = is_metadata.then(|| bag::folder_of(path)).flatten();
+            let path = folder.as_ref().unwrap_or(path);
             let name = path.file_name().unwrap_or_default();
             name.to_string_lossy().into_owned()
         });

@@ -89,6 +89,9 @@ impl Search {
             return self.take_folder(path, &view);
         }
         fs::metadata(path).map_err(StorageError::io("read", path))?;
+        if bag::is_metadata(path) {
+            return self.take_bag(path, &view);
+        }
         if self.parts.contains(&from_root(path)) {
             return Ok(());
         }
@@ -100,6 +103,36 @@ impl Search {
             self.take_mcap(path, vec![path.to_owned()], &view);
         }
         Ok(())
+    }
+
+    /// Takes the bag whose metadata is named, which stands for it as any of its files does. Metadata by another name
+    /// than a bag's stands for nothing.
+    fn take_bag(&mut self, metadata: &Path, view: &View) -> Result<(), StorageError> {
+        let name = metadata.file_name().unwrap_or_default();
+        if name != bag::METADATA_FILE {
+            return Ok(());
+        }
+        if let Some(folder) = bag::folder_of(metadata)
+            && let Some(parts) = bag::parts(&folder)?
+        {
+            self.take_mcap(&folder, parts, view);
+            return Ok(());
+        }
+        for file in bag::present(metadata.parent().unwrap_or(Path::new(""))) {
+            self.take_file(file, view);
+        }
+        Ok(())
+    }
+
+    /// Takes a file that nobody named if it is an MCAP file.
+    fn take_file(&mut self, path: PathBuf, view: &View) {
+        if path.extension().is_some_and(|e| e == "mcap") {
+            self.take_mcap(&path, vec![path.clone()], view);
+        } else if is_of_other_format(&path)
+            && self.passed_over.as_ref().is_none_or(|first| path < *first)
+        {
+            self.passed_over = Some(path);
+        }
     }
 
     /// Takes a recording of one file or several.
@@ -148,12 +181,8 @@ impl Search {
                 if !(path.is_symlink() && real(folder).starts_with(real(&path))) {
                     self.take_folder(&path, view)?;
                 }
-            } else if path.extension().is_some_and(|e| e == "mcap") {
-                self.take_mcap(&path, vec![path.clone()], view);
-            } else if is_of_other_format(&path)
-                && self.passed_over.as_ref().is_none_or(|first| path < *first)
-            {
-                self.passed_over = Some(path);
+            } else {
+                self.take_file(path, view);
             }
         }
         Ok(())
