@@ -44,6 +44,7 @@ mod topic;
 mod values;
 mod view;
 
+pub(crate) use bag::bag_in;
 pub use build_folder::BuildFolder;
 pub use convert::{Conversion, PictureFormat, convert_to_lerobot, convert_to_mcap};
 pub use demonstrations::{demonstrations_digest, load_demonstrations, recording_files};

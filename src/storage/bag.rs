@@ -38,6 +38,12 @@ pub(super) fn is_metadata(path: &Path) -> bool {
     read.is_ok() && head.lines().any(|line| line.starts_with(TOP_KEY))
 }
 
+/// What stands for the bag in a folder: its metadata; none where the folder is no bag, of several files or of one.
+pub(crate) fn bag_in(folder: &Path) -> Option<PathBuf> {
+    let metadata = folder.join(METADATA_FILE);
+    is_metadata(&metadata).then_some(metadata)
+}
+
 /// The files of a bag that is one recording in several MCAP files, in order; none where the folder is no such bag.
 ///
 /// # Errors

@@ -253,12 +253,7 @@ impl Recordings {
         let mut files: Vec<PathBuf> = self.mappings.iter().map(|m| m.path().to_owned()).collect();
         for source in &self.sources {
             match &source.container {
-                Container::Mcap { files: parts } => {
-                    files.extend(parts.iter().cloned());
-                    if parts.len() > 1 {
-                        files.push(source.place.join(bag::METADATA_FILE));
-                    }
-                }
+                Container::Mcap { .. } => files.extend(source.mcap_files()),
                 Container::Episode { dataset, number: 0 } => {
                     files.extend(dataset.files().iter().map(|f| dataset.root.join(f)));
                 }
@@ -268,6 +263,13 @@ impl Recordings {
         files.sort();
         files.dedup();
         files
+    }
+
+    /// The recordings in MCAP: the place of each, as its report names it, and the files that it consists of, with the
+    /// one that names those of a bag.
+    pub(crate) fn mcap_recordings(&self) -> Vec<(&Path, Vec<PathBuf>)> {
+        let all = self.sources.iter().map(|s| (&*s.place, s.mcap_files()));
+        all.filter(|(_, files)| !files.is_empty()).collect()
     }
 
     /// A digest of the bytes of all files, in sorted order and whatever their names, and of what was asked

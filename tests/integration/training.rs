@@ -369,3 +369,46 @@ fn other_recordings_are_another_training_and_replace_nothing_unasked() {
     );
     assert_eq!(folders(), 2);
 }
+
+#[test]
+fn an_experiment_takes_bags_as_wholes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let metadata =
+        "rosbag2_bagfile_information:\n  relative_file_paths: [run_0.mcap, run_1.mcap]\n";
+    let files = [
+        ("single.mcap", "no MCAP file, for the training to refuse"),
+        ("run/run_0.mcap", "nor this"),
+        ("run/run_1.mcap", "nor this"),
+        ("run/metadata.yaml", metadata),
+    ];
+    for task in ["sock", "trash", "wine"] {
+        let demos = at("demos").join(task);
+        fs::create_dir_all(demos.join("run")).expect("a folder");
+        for (name, text) in files {
+            fs::write(demos.join(name), text).expect("written");
+        }
+    }
+    let encoder = at("encoder.onnx");
+    fs::write(&encoder, "no network").expect("written");
+    let refused = |demonstrations: &str| {
+        let methods = ["table1", "--quick", "--methods", "mvp"];
+        let encoder = ["--frozen-encoder", path(&encoder)];
+        let number = ["--demonstrations", demonstrations];
+        let words = [&methods[..], &encoder, &number].concat();
+        let output = experiment(folder.path(), &words);
+        assert!(!output.status.success());
+        text(&output.stderr)
+    };
+    let said = refused("3");
+    assert!(said.contains("has 2 MCAP recordings"), "{said}");
+    let said = refused("2");
+    assert!(said.contains("encoder.onnx"), "{said}");
+    let made = fs::read_dir(at("work")).expect("a folder").flatten();
+    let mut of_two = made.filter(|e| e.file_name().to_string_lossy().starts_with("mvp_2_"));
+    let root = of_two.next().expect("the folder of the training").path();
+    for (name, _) in files {
+        let taken = root.join("demos/sock").join(name);
+        assert!(taken.is_file(), "{} is missing", taken.display());
+    }
+}

@@ -12,6 +12,7 @@ use crate::cli::recipe::{Ingredient, Recipe};
 use crate::experiment::PAPER_TASKS;
 use crate::model::sha256_hex;
 use crate::storage::{ReadOptions, Recordings, sha256_file};
+use crate::wording::counted;
 
 /// Seed with which demonstrations are recorded, those of README.md.
 pub(super) const RECORDING_SEED: u64 = 1;
@@ -20,8 +21,8 @@ const OF_MEMORY: &str = "every state counts alike";
 /// Digits of a digest that tell folders apart.
 const MARK_DIGITS: usize = 8;
 
-/// Recordings of each task.
-type Files = BTreeMap<&'static str, Vec<PathBuf>>;
+/// The recordings of each task, each as its files.
+type GivenOfTasks = BTreeMap<&'static str, Vec<Vec<PathBuf>>>;
 
 /// Digests of all that goes into a method, by which cells and folders are told apart. Empty where nothing is
 /// measured.
@@ -30,7 +31,7 @@ pub(super) struct Ingredients {
     /// What the recordings of each task are: how they are recorded, or the SHA-256 of those that were given.
     recordings: Vec<String>,
     /// The recordings of each task that were given and count as demonstrations; none where they are recorded.
-    given: Option<Files>,
+    given: Option<GivenOfTasks>,
     /// SHA-256 of the file of each task.
     tasks: Vec<String>,
     /// SHA-256 of the encoder that somebody else trained, and of what is said beside it.
@@ -54,7 +55,7 @@ impl Ingredients {
         let recorded = format!("recorded with seed {RECORDING_SEED}, varied");
         let (recordings, given) = match paper.demos.as_deref().map(told_of).transpose()? {
             None => (vec![recorded; PAPER_TASKS.len()], None),
-            Some((told, files)) => (told, Some(files)),
+            Some((told, given)) => (told, Some(given)),
         };
         Ok(Self {
             tasks: tasks.collect::<Result<_, _>>()?,
@@ -65,8 +66,9 @@ impl Ingredients {
         })
     }
 
-    /// The recordings of a task that were given and count as demonstrations; none where they are recorded.
-    pub(super) fn given(&self, task: &str) -> Option<&[PathBuf]> {
+    /// The recordings of a task that were given and count as demonstrations, each as its files; none where they are
+    /// recorded.
+    pub(super) fn given(&self, task: &str) -> Option<&[Vec<PathBuf>]> {
         let given = self.given.as_ref()?;
         Some(given.get(task).map(Vec::as_slice).unwrap_or_default())
     }
@@ -132,23 +134,44 @@ impl Ingredients {
 
 /// What the recordings in a folder of each task are, for digests, and those that count as demonstrations; the others are
 /// told.
-fn told_of(folder: &Path) -> Result<(Vec<String>, Files), CliError> {
-    let (mut told, mut given) = (Vec::new(), Files::new());
+fn told_of(folder: &Path) -> Result<(Vec<String>, GivenOfTasks), CliError> {
+    let (mut told, mut given) = (Vec::new(), GivenOfTasks::new());
     for task in PAPER_TASKS {
         let folder = folder.join(task);
-        let recordings = Recordings::open(std::slice::from_ref(&folder), &ReadOptions::default())?;
-        let digest = recordings.digest()?;
-        let Given { files, left_out } = Given::of(&folder)?;
-        for report in &left_out {
+        let found = Recordings::open(std::slice::from_ref(&folder), &ReadOptions::default())?;
+        let digest = found.digest()?;
+        let of_task = Given::of(&folder)?;
+        for report in &of_task.left_out {
             let reason = report.left_out.as_deref().unwrap_or_default();
             eprintln!("warning: {} is left out: {reason}", report.place());
         }
-        told.push(match left_out.len() {
-            0 => digest,
-            // Other ones are the first so many than where all of them counted.
-            several => format!("{digest}, {several} left out"),
-        });
-        given.insert(task, files);
+        told.push(told_with(digest, of_task.left_out.len(), of_task.bags));
+        given.insert(task, of_task.recordings);
     }
     Ok((told, given))
+}
+
+/// The digest of recordings, and what says that the first so many of them are other ones than where each file counted.
+fn told_with(digest: String, left_out: usize, bags: usize) -> String {
+    let mut told = vec![digest];
+    if left_out > 0 {
+        told.push(format!("{left_out} left out"));
+    }
+    if bags > 0 {
+        told.push(counted(bags, "bag"));
+    }
+    told.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_changes_which_recordings_come_first_is_told_beside_their_digest() {
+        let told = |left_out, bags| told_with("123".to_owned(), left_out, bags);
+        assert_eq!(told(0, 0), "123");
+        assert_eq!(told(1, 0), "123, 1 left out");
+        assert_eq!(told(1, 2), "123, 1 left out, 2 bags");
+    }
 }

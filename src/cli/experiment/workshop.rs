@@ -10,7 +10,7 @@ use super::given::recordings_in;
 use super::hold::hold;
 use super::ingredients::{Ingredients, RECORDING_SEED};
 use super::method::{MVP, Method};
-use super::plan::Size;
+use super::plan::{Size, make};
 use super::side_by_side::side_by_side;
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
@@ -121,11 +121,12 @@ impl<'a> Workshop<'a> {
     /// The first recordings of each task as cells name them; none of a task that has not so many yet.
     pub(super) fn recordings_now(&self, demonstrations: usize) -> Vec<Ingredient> {
         let of_task = |task: &str| {
-            let files = match self.ingredients.given(task) {
+            let recordings = match self.ingredients.given(task) {
                 Some(given) => given.to_vec(),
-                None => recordings_in(&self.work.join("demos").join(task)),
+                None => each_alone(recordings_in(&self.work.join("demos").join(task))),
             };
-            let digest = demonstrations_digest(files.get(..demonstrations)?).ok()?;
+            let files = recordings.get(..demonstrations)?.concat();
+            let digest = demonstrations_digest(&files).ok()?;
             let (what, place) = (format!("the recordings of {task}"), recordings_place(task));
             Some(Ingredient::Digest(what, place, digest))
         };
@@ -251,34 +252,42 @@ impl<'a> Workshop<'a> {
             let (file, place) = (task_file(task), root.join(task_file(task)));
             let file = self.arguments.root.join(file);
             keep_text(&place, &fs::read(&file).map_err(CliError::io(&file))?)?;
+            let given = self.demos(task);
             let from = self.recordings(task, demonstrations)?;
             let folder = root.join("demos").join(task);
-            fs::create_dir_all(&folder).map_err(CliError::io(&folder))?;
-            for recording in &from[..demonstrations] {
-                let name = recording.file_name().unwrap_or_default();
-                copied(recording, &folder.join(name))?;
+            for file in from[..demonstrations].concat() {
+                // A bag that has a folder of its own has one there, too.
+                let name = Path::new(file.file_name().unwrap_or_default());
+                let place = folder.join(file.strip_prefix(&given).unwrap_or(name));
+                make(place.parent().unwrap_or(&folder))?;
+                copied(&file, &place)?;
             }
         }
         Ok(())
     }
 
-    /// The recordings of a task that count as demonstrations, in order, at least so many.
-    fn recordings(&self, task: &str, wanted: usize) -> Result<Vec<PathBuf>, CliError> {
+    /// The folder of a task's recordings.
+    fn demos(&self, task: &str) -> PathBuf {
         let demos = self.paper.demos.clone();
-        let folder = demos.unwrap_or_else(|| self.work.join("demos")).join(task);
-        let files = match self.ingredients.given(task) {
+        demos.unwrap_or_else(|| self.work.join("demos")).join(task)
+    }
+
+    /// The recordings of a task that count as demonstrations, each as its files, in order, at least so many.
+    fn recordings(&self, task: &str, wanted: usize) -> Result<Vec<Vec<PathBuf>>, CliError> {
+        let folder = self.demos(task);
+        let recordings = match self.ingredients.given(task) {
             Some(given) => given.to_vec(),
-            None => self.recorded(task, &folder, wanted)?,
+            None => each_alone(self.recorded(task, &folder, wanted)?),
         };
-        if files.len() < wanted {
+        if recordings.len() < wanted {
             return Err(CliError::TooFewRecordings {
                 folder,
                 task: task.to_owned(),
-                found: files.len(),
+                found: recordings.len(),
                 wanted,
             });
         }
-        Ok(files)
+        Ok(recordings)
     }
 
     /// The recordings of a task in a folder, in order; where they are fewer than wanted, they are recorded.
@@ -321,6 +330,11 @@ pub(super) fn evaluation(
     words.extend(method.running().iter().map(OsString::from));
     words.push("--json".into());
     words
+}
+
+/// Files that are a recording each.
+fn each_alone(files: Vec<PathBuf>) -> Vec<Vec<PathBuf>> {
+    files.into_iter().map(|file| vec![file]).collect()
 }
 
 /// Where a cell has the digest of a task's recordings, as a JSON pointer.

@@ -8,7 +8,7 @@ use crate::storage::left_out::why_left_out;
 use crate::storage::lerobot::{Dataset, inspect_episode, read_episode};
 use crate::storage::recording::{inspect_mcap, read_mcap};
 use crate::storage::view::View;
-use crate::storage::{Loss, Recording, RecordingReport, StorageError};
+use crate::storage::{Loss, Recording, RecordingReport, StorageError, bag};
 use crate::trajectory::{ActionSpace, Trajectory};
 
 /// One recording.
@@ -121,6 +121,18 @@ impl Source {
             Container::Mcap { files } if files.len() > 1 => files,
             _ => &[],
         }
+    }
+
+    /// The files of a recording in MCAP, with the one that names those of a bag; none of an episode.
+    pub(super) fn mcap_files(&self) -> Vec<PathBuf> {
+        let Container::Mcap { files } = &self.container else {
+            return Vec::new();
+        };
+        let mut files = files.clone();
+        if files.len() > 1 {
+            files.push(self.place.join(bag::METADATA_FILE));
+        }
+        files
     }
 
     /// What the task is called where the container says so without being read.
