@@ -16,7 +16,8 @@ use crate::wording::{counted, number_or_many};
 pub(super) struct PlanReport {
     name: String,
     tasks: Vec<String>,
-    /// How many orders of tasks the composition allows; none where they are too many to be counted.
+    /// How many orders of tasks the composition allows, of those that end with the task of the final state where that is
+    /// said; none where they are too many to be counted.
     orders: Option<u64>,
     subgoals: Vec<String>,
     steps: u32,

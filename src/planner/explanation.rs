@@ -49,7 +49,8 @@ pub struct StageExplained {
 /// The orders of tasks that a composition allows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OrdersExplained {
-    /// How many different orders are open; `None` where they are too many to be counted.
+    /// How many different orders are open: those that end with the task of the final state, where that is said. `None`
+    /// where they are too many to be counted.
     pub order_count: Option<u64>,
     /// How many different orders were planned for this explanation, the chosen one included; not more than 64.
     pub planned: usize,

@@ -269,11 +269,16 @@ impl OrderAutomaton {
     }
 
     /// How many orders of tasks it allows, each counted once, of those whose last task is the one given; without one of
-    /// all, also that of no task. `None` where there are more than a `u64` holds, or where the same orders can be come by
-    /// in so many ways that counting them takes long: there are [`way_count`](Self::way_count) at most.
+    /// all but that of no task, which is no plan. `None` where there are more than a `u64` holds, or where the same orders
+    /// can be come by in so many ways that counting them takes long: there are [`way_count`](Self::way_count) at most.
     #[must_use]
     pub fn order_count(&self, last: Option<&str>) -> Option<u64> {
-        OrderWalk::new(self, last, usize::MAX).count()
+        let may_be_nothing = || {
+            let mut skipped = self.skipped_to(0).into_iter();
+            skipped.any(|(state, _)| state == self.last_state())
+        };
+        let count = OrderWalk::new(self, last, usize::MAX).count()?;
+        Some(count - u64::from(last.is_none() && may_be_nothing()))
     }
 
     /// The orders of tasks that it allows, each once, at most `count` of them.
@@ -402,6 +407,10 @@ mod tests {
         assert_eq!(orders(&order), ["a", ""]);
         let automaton = OrderAutomaton::new(&order).expect("it is small");
         assert_eq!(automaton.skipped_to(0), [(0, 0), (1, 1)]);
+        // Nothing is no order that could be planned.
+        assert_eq!(automaton.order_count(None), Some(1));
+        let nothing = OrderAutomaton::new(&Order::InOrder(Vec::new())).expect("it is small");
+        assert_eq!(nothing.order_count(None), Some(0));
     }
 
     #[test]

@@ -26,7 +26,8 @@ const MOST_TRANSITIONS: usize = 80;
 /// A picture of a composition's automaton as SVG text: which orders of tasks are allowed, the chosen one in
 /// bold, and below its stages, each with the part of the plan that ends it.
 ///
-/// Orders of more than 80 transitions are not drawn, only counted.
+/// All of `orders` is drawn; counted are those of its orders that the explanation says are open, as in its words. Orders of
+/// more than 80 transitions are not drawn, only counted.
 #[must_use]
 pub fn automaton_svg(orders: &OrderAutomaton, explanation: &Explanation, title: &str) -> String {
     let tasks = task_colours(orders, explanation);
@@ -99,25 +100,33 @@ fn head(
         anchor: "start",
     };
     canvas.text(LEFT - 28.0, 42.0, set(24.0, 700, INK), title);
-    let allowed = orders.order_count(None).map_or_else(
-        || "very many orders".to_owned(),
-        |count| counted(usize::try_from(count).unwrap_or(usize::MAX), "order"),
-    );
+    let open = explanation.orders.order_count;
     let steps: u32 = explanation.parts.iter().map(|p| p.steps).sum();
     let cost: f64 = explanation.parts.iter().map(|p| p.cost).sum();
     let line = format!(
-        "{allowed}   \u{b7}   {}   \u{b7}   plan: {}, cost {cost:.1}, holds with probability {:.3}",
+        "{}   \u{b7}   {}   \u{b7}   plan: {}, cost {cost:.1}, holds with probability {:.3}",
+        told_orders(open),
         counted(explanation.stages.len(), "subgoal"),
         counted(steps as usize, "step"),
         explanation.odds.probability
     );
     canvas.text(LEFT - 28.0, 66.0, set(14.0, 400, GREY), &line);
-    let note = if is_drawn {
-        "the orders that are allowed, the planned one in bold"
-    } else {
-        "too many orders to be drawn"
+    let note = match (is_drawn, orders.order_count(None) == open) {
+        (false, _) => "too many orders to be drawn",
+        (true, true) => "the orders that are allowed, the planned one in bold",
+        (true, false) => {
+            "the orders that are allowed, also those that end with another task than the final state's; the planned one \
+             in bold"
+        }
     };
     canvas.text(LEFT - 28.0, 98.0, set(13.0, 600, INK), note);
+}
+
+fn told_orders(count: Option<u64>) -> String {
+    count.map_or_else(
+        || "very many orders".to_owned(),
+        |count| counted(usize::try_from(count).unwrap_or(usize::MAX), "order"),
+    )
 }
 
 /// The stages of the plan in lines, each with the part of the plan that leads out of it.
@@ -346,12 +355,29 @@ mod tests {
     }
 
     #[test]
+    fn orders_that_end_as_the_plan_must_not_are_drawn_and_not_counted() {
+        let parts = ["sock", "trash", "wine"].map(task);
+        let orders = OrderAutomaton::new(&Order::AnyOrder(parts.to_vec())).expect("it is small");
+        let mut plan = explained(&["sock", "trash", "wine"]);
+        let all = "end with another task";
+        for (open, is_all) in [(orders.order_count(None), true), (Some(2), false)] {
+            plan.orders.order_count = open;
+            let drawn = automaton_svg(&orders, &plan, "three");
+            let told = if is_all { ">6 orders" } else { ">2 orders" };
+            assert!(drawn.contains(told), "{told} is missing");
+            assert_eq!(drawn.contains(all), !is_all);
+        }
+    }
+
+    #[test]
     fn too_many_orders_are_counted_only() {
         let many = (0..6).map(|i| task(&i.to_string())).collect();
         let orders = OrderAutomaton::new(&Order::AnyOrder(many)).expect("it is not too large");
         let tasks: Vec<String> = (0..6).map(|i| i.to_string()).collect();
         let names: Vec<&str> = tasks.iter().map(String::as_str).collect();
-        let drawn = automaton_svg(&orders, &explained(&names), "many");
+        let mut plan = explained(&names);
+        plan.orders.order_count = Some(720);
+        let drawn = automaton_svg(&orders, &plan, "many");
         assert!(drawn.contains("too many orders to be drawn") && drawn.contains("720 orders"));
         let bold = drawn.matches("stroke-width=\"4\"").count();
         assert_eq!(bold, 6, "the stages of the plan are drawn all the same");
