@@ -46,6 +46,7 @@ pub(super) fn train_method(
         sets,
         digests,
         run_folder,
+        ..
     } = prepared(arguments)?;
     if let Some(encoder) = &frozen {
         let pictures = encoder.pictures();

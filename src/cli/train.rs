@@ -34,10 +34,10 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
     let config = written_config(arguments)?;
     let Prepared {
         sets,
-        mut digests,
+        runs,
+        digests,
         run_folder,
     } = prepared(arguments)?;
-    let runs = practice_runs(arguments, &mut digests)?;
     let practice = GripperPractice {
         runs: &runs,
         demonstrations: &sets,
@@ -139,21 +139,28 @@ fn practice_runs(
 /// What a training begins with.
 pub(super) struct Prepared {
     pub(super) sets: Vec<DemonstrationSet>,
-    /// Digests of the sets by their tasks' names.
+    /// Practice with the gripper.
+    runs: Vec<DemonstrationSet>,
+    /// Digests of the sets by their tasks' names, and of practice.
     pub(super) digests: BTreeMap<String, String>,
     /// No other training takes it meanwhile.
     pub(super) run_folder: RunFolder,
 }
 
-/// Reads the demonstrations of a training and says what it begins with.
+/// Reads the recordings of a training and says what it begins with. A run folder that is there is taken before, so that
+/// who may not have it need not wait; one that is not there is made afterwards, so that a wrong path leaves none.
 pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError> {
-    let run_folder = taken_run_folder(arguments)?;
-    let (sets, digests) = load_sets(
+    let run = run_place(arguments)?;
+    let taken = run.exists().then(|| taken_run_folder(arguments, &run));
+    let taken = taken.transpose()?;
+    let (sets, mut digests) = load_sets(
         &arguments.demos,
         arguments.bins,
         &read_options(&arguments.read),
         read_demonstrations,
     )?;
+    let runs = practice_runs(arguments, &mut digests)?;
+    let run_folder = taken.map_or_else(|| taken_run_folder(arguments, &run), Ok)?;
     println!(
         "training on {} states of {}; checkpoints and losses.csv in {}{}",
         sets.iter().map(DemonstrationSet::step_count).sum::<usize>(),
@@ -165,14 +172,14 @@ pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError>
     );
     Ok(Prepared {
         sets,
+        runs,
         digests,
         run_folder,
     })
 }
 
-/// Takes the run folder of a training; refuses one in which another is at work or whose checkpoint is not to be gone on
-/// from, one in the model's folder, and a place that a model must not take.
-fn taken_run_folder(arguments: &TrainArguments) -> Result<RunFolder, CliError> {
+/// Where the run folder of a training is; refuses one in the model's folder, and a place that a model must not take.
+fn run_place(arguments: &TrainArguments) -> Result<PathBuf, CliError> {
     let run = arguments.run.clone();
     let run = run.unwrap_or_else(|| beside(&arguments.out));
     if whole(&run).starts_with(whole(&arguments.out)) {
@@ -182,10 +189,18 @@ fn taken_run_folder(arguments: &TrainArguments) -> Result<RunFolder, CliError> {
         });
     }
     check_model_place(&arguments.out)?;
-    let run_folder = RunFolder::open(&run)?;
+    Ok(run)
+}
+
+/// Takes the run folder of a training; refuses one in which another is at work or whose checkpoint is not to be gone on
+/// from.
+fn taken_run_folder(arguments: &TrainArguments, run: &Path) -> Result<RunFolder, CliError> {
+    let run_folder = RunFolder::open(run)?;
     let has_begun = run.join(CHECKPOINT).exists();
     if !arguments.resume && has_begun {
-        return Err(CliError::RunExists { run });
+        return Err(CliError::RunExists {
+            run: run.to_owned(),
+        });
     }
     if arguments.resume && !has_begun {
         println!(

@@ -164,6 +164,33 @@ fn a_training_keeps_another_one_out_of_its_run_folder_until_it_ends_or_is_killed
     succeeded(&words.iter().map(String::as_str).collect::<Vec<_>>());
 }
 
+#[test]
+fn recordings_that_are_not_there_leave_no_run_folder() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let demos = recorded(folder.path(), "wine", "2");
+    fs::write(at("notes.txt"), "no recording").expect("written");
+    let [none, notes] = ["demos/none", "notes.txt"].map(at);
+    let wrong = [
+        vec![path(&none)],
+        vec![path(&notes)],
+        vec![path(&demos), path(&none)],
+        vec![path(&demos), "--practice", path(&none)],
+        vec![path(&none), "--method", "bc"],
+    ];
+    for words in wrong {
+        let (model, run) = (at("model"), at("model.run"));
+        let flags = ["--preset", "tiny", "--out", path(&model)];
+        let output = catena(&[&["train"], &words[..], &flags].concat());
+        let said = text(&output.stderr);
+        assert!(
+            !output.status.success() && (said.contains("none") || said.contains("notes.txt")),
+            "{words:?}: {said}"
+        );
+        assert!(!model.exists() && !run.exists(), "{words:?}");
+    }
+}
+
 /// A limit on the size of files is what a shell can set of a disk that is full.
 #[cfg(unix)]
 #[test]
