@@ -17,6 +17,7 @@ mod kept;
 mod loaded;
 mod localise;
 mod merging;
+mod parent;
 mod progress;
 mod recipe;
 mod record;
@@ -42,6 +43,10 @@ use arguments::{Arguments, Command};
 pub fn main() -> ExitCode {
     end_quietly_without_a_reader();
     let arguments = Arguments::parse();
+    // A training stops at a checkpoint instead.
+    if arguments.ends_with_stdin && !matches!(arguments.command, Command::Train(_)) {
+        parent::end_with_input();
+    }
     let done = match &arguments.command {
         Command::Record(a) => record::record(a),
         Command::Demos(a) => demos::demos(a),

@@ -38,6 +38,9 @@ pub struct Arguments {
     /// The folder that paths in tasks and compositions are relative to.
     #[arg(long, global = true, default_value = ".")]
     pub root: PathBuf,
+    /// End with the standard input, which an experiment keeps open for its commands as long as it lives.
+    #[arg(long, global = true, hide = true)]
+    pub ends_with_stdin: bool,
 }
 
 /// The commands.

@@ -6,6 +6,7 @@ use super::demonstrations::read_demonstrations;
 use super::error::CliError;
 use super::evaluate::episodes;
 use super::loaded::bedroom_at;
+use super::parent::EndOfInput;
 use super::progress;
 use super::train::{CHECKPOINT, Prepared, Printer, prepared, tell_ended};
 use super::training_config::{baseline_config, write_run};
@@ -65,6 +66,7 @@ pub(super) fn train_method(
     }
     let mut printer = Printer {
         bar: progress::bar("training", config.steps),
+        end_of_input: EndOfInput::watched(all.ends_with_stdin),
     };
     let frozen = frozen
         .as_ref()

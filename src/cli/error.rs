@@ -253,6 +253,17 @@ pub(super) enum CliError {
         /// Where.
         folder: PathBuf,
     },
+    /// What an experiment would train is being trained.
+    #[error(
+        "a training is at work in {}, begun by an experiment that was stopped, or by hand: wait until it ends, as it does \
+         soon after its experiment, or stop it, and call this one again, what is done is kept; or name another folder with \
+         --work",
+        run.display()
+    )]
+    TrainingAtWork {
+        /// The run folder.
+        run: PathBuf,
+    },
     /// A command of an experiment failed; what it printed says why.
     #[error(
         "this step of the experiment failed ({status}); mend it and call the experiment again, what is finished \

@@ -9,6 +9,7 @@ use super::arguments::{Arguments, TrainArguments};
 use super::baseline::{method_of, train_method};
 use super::demonstrations::{read_demonstrations, read_options, read_practice};
 use super::error::CliError;
+use super::parent::EndOfInput;
 use super::progress;
 use super::training_config::{training_config, write_run, written_config};
 use crate::inference::Model;
@@ -52,6 +53,7 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
     }
     let mut printer = Printer {
         bar: progress::bar("training", config.steps),
+        end_of_input: EndOfInput::watched(all.ends_with_stdin),
     };
     let mut report = fit(&sets, &config, &run_folder, &mut printer)?;
     printer.bar.finish_and_clear();

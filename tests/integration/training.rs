@@ -6,7 +6,7 @@ use std::process::{Command, Output, Stdio};
 use std::thread;
 use std::time::Duration;
 
-use crate::command::{catena, path, succeeded, text};
+use crate::command::{catena, path, root, succeeded, text};
 
 /// Records demonstrations of a task in a folder of its name.
 fn recorded(folder: &Path, task: &str, demonstrations: &str) -> PathBuf {
@@ -189,6 +189,93 @@ fn recordings_that_are_not_there_leave_no_run_folder() {
         );
         assert!(!model.exists() && !run.exists(), "{words:?}");
     }
+}
+
+#[test]
+fn a_training_that_is_to_end_with_its_input_stops_at_a_checkpoint() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let demos = recorded(folder.path(), "wine", "2");
+    for (method, model) in [("ours", at("ours")), ("bc", at("bc"))] {
+        let steps = ["--preset", "tiny", "--steps", "1000000"];
+        let flags = ["--method", method, "--out", path(&model)];
+        // The command is given no input.
+        let words = ["train", path(&demos), "--ends-with-stdin"];
+        let output = catena(&[&words[..], &steps, &flags].concat());
+        let said = text(&output.stderr);
+        assert!(
+            !output.status.success() && said.contains("stopped at step"),
+            "{said}"
+        );
+        let run = model.with_extension("run");
+        assert!(run.join("checkpoint.safetensors").is_file(), "{said}");
+    }
+}
+
+#[test]
+fn what_an_experiment_runs_ends_when_it_is_killed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [work, out] = ["work", "out"].map(|name| folder.path().join(name));
+    let words = ["experiment", "table1", "--quick", "--methods", "bc"];
+    let flags = ["--demonstrations", "2000", "--work", path(&work)];
+    let started = Command::new(env!("CARGO_BIN_EXE_catena"))
+        .args([&words[..], &flags, &["--out", path(&out)]].concat())
+        .current_dir(root())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn();
+    let mut started = started.expect("the command starts");
+    let recordings = || {
+        let entries = fs::read_dir(work.join("demos/sock")).into_iter().flatten();
+        let paths = entries.flatten().map(|entry| entry.path());
+        paths
+            .filter(|p| p.extension().is_some_and(|e| e == "mcap"))
+            .count()
+    };
+    for _ in 0..600 {
+        if recordings() > 0 {
+            break;
+        }
+        thread::sleep(Duration::from_millis(100));
+    }
+    assert!(recordings() > 0, "it records");
+    started.kill().expect("it is killed");
+    // What it runs prints there, too, so that this waits for both.
+    let output = started.wait_with_output().expect("they have ended");
+    assert!(text(&output.stdout).contains("$ catena record sock"));
+    let recordings = recordings();
+    assert!(recordings < 2000, "all {recordings} were recorded");
+}
+
+#[test]
+fn an_experiment_whose_training_is_at_work_says_what_it_can_do() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [work, out] = ["work", "out"].map(|name| folder.path().join(name));
+    for task in ["sock", "trash", "wine"] {
+        let demos = work.join("demos").join(task);
+        fs::create_dir_all(&demos).expect("a folder");
+        for name in ["a.mcap", "b.mcap"] {
+            fs::write(demos.join(name), "no MCAP file").expect("written");
+        }
+    }
+    let run = work.join("bc_2_seed1_steps200").join("run");
+    let held = catena::training::RunFolder::open(&run).expect("nobody has it");
+    let words = ["experiment", "table1", "--quick", "--methods", "bc"];
+    let flags = ["--demonstrations", "2", "--work", path(&work)];
+    let output = catena(&[&words[..], &flags, &["--out", path(&out)]].concat());
+    let said = text(&output.stderr);
+    assert!(!output.status.success(), "{said}");
+    assert!(
+        said.contains(path(&run))
+            && said.contains("call this one again")
+            && said.contains("--work"),
+        "{said}"
+    );
+    assert!(
+        !said.contains("--resume") && !said.contains("--run"),
+        "{said}"
+    );
+    drop(held);
 }
 
 /// A limit on the size of files is what a shell can set of a disk that is full.

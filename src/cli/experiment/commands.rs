@@ -10,6 +10,7 @@ use serde::de::DeserializeOwned;
 
 use crate::cli::arguments::EngineArgument;
 use crate::cli::error::CliError;
+use crate::cli::parent;
 
 /// How a command is told with how many threads it computes.
 const THREADS: &str = "RAYON_NUM_THREADS";
@@ -17,7 +18,7 @@ const THREADS: &str = "RAYON_NUM_THREADS";
 const LAST_LINES: usize = 12;
 
 /// This program, whose commands are shown so that each can be repeated by hand. What they print is shown, too, or
-/// goes to a log in a folder where they run beside others.
+/// goes to a log in a folder where they run beside others. They end with this process, also where it is killed.
 pub(super) struct Commands {
     executable: PathBuf,
     /// The engine of those for which none is named.
@@ -47,7 +48,7 @@ impl Commands {
         if let Some(log) = &log {
             command.stdout(end_of(log)?);
         }
-        let status = command.status().map_err(CliError::io(&self.executable))?;
+        let status = parent::status(&mut command).map_err(CliError::io(&self.executable))?;
         if status.success() {
             return Ok(());
         }
@@ -67,7 +68,7 @@ impl Commands {
     ) -> Result<T, CliError> {
         let log = self.log_in(folder);
         let mut command = self.command(words, log.as_deref(), engine)?;
-        let output = command.output().map_err(CliError::io(&self.executable))?;
+        let output = parent::output(&mut command).map_err(CliError::io(&self.executable))?;
         let failed = |said: String| CliError::ExperimentStep {
             command: self.shown(words, engine),
             status: output.status.to_string(),

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::plan::make;
 use crate::cli::error::CliError;
 use crate::lock::Lock;
+use crate::training::{RunFolder, TrainingError};
 
 /// What is locked in a folder.
 const LOCK: &str = "experiment.lock";
@@ -16,6 +17,19 @@ pub(super) fn hold(folder: &Path) -> Result<Lock, CliError> {
     let lock = Lock::take(&folder.join(LOCK)).map_err(CliError::io(folder))?;
     lock.ok_or_else(|| CliError::ExperimentAtWork {
         folder: folder.to_owned(),
+    })
+}
+
+/// Refuses a run folder in which a training is at work, one that has not ended with its experiment yet or that somebody
+/// began by hand.
+pub(super) fn ensure_free(run: &Path) -> Result<(), CliError> {
+    if !run.exists() {
+        return Ok(());
+    }
+    let opened = RunFolder::open(run).map(drop);
+    opened.map_err(|error| match error {
+        TrainingError::RunInUse { run_folder } => CliError::TrainingAtWork { run: run_folder },
+        other => other.into(),
     })
 }
 

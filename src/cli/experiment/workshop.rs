@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 
 use super::commands::Commands;
 use super::given::recordings_in;
-use super::hold::hold;
+use super::hold::{ensure_free, hold};
 use super::ingredients::{Ingredients, RECORDING_SEED};
 use super::method::{MVP, Method};
 use super::plan::{Size, make};
@@ -19,7 +19,6 @@ use crate::cli::recipe::{Ingredient, Recipe};
 use crate::cli::revision::revision;
 use crate::experiment::PAPER_TASKS;
 use crate::storage::{demonstrations_digest, write_file};
-use crate::training::RunFolder;
 
 /// Recordings of each task that are made; experiments take the first of them.
 const RECORDED: usize = 30;
@@ -222,11 +221,10 @@ impl<'a> Workshop<'a> {
         if is_done {
             return Ok(());
         }
+        ensure_free(&trained.run)?;
         // A run of other words is of no use; one of the same words goes on.
         let begun = trained.root.join("begun.txt");
         if fs::read_to_string(&begun).is_ok_and(|text| text != told) && trained.run.exists() {
-            // Not from under a training that outlived its experiment.
-            drop(RunFolder::open(&trained.run)?);
             fs::remove_dir_all(&trained.run).map_err(CliError::io(&trained.run))?;
         }
         keep_text(&begun, told.as_bytes())?;

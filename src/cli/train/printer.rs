@@ -1,11 +1,13 @@
 use indicatif::ProgressBar;
 
 use super::percent;
+use crate::cli::parent::EndOfInput;
 use crate::training::{TrainingEvent, TrainingObserver};
 
-/// Tells people how a training goes.
+/// Tells people how a training goes, and stops it where nobody waits for it.
 pub(in crate::cli) struct Printer {
     pub(in crate::cli) bar: ProgressBar,
+    pub(in crate::cli) end_of_input: EndOfInput,
 }
 
 impl Printer {
@@ -81,5 +83,9 @@ impl TrainingObserver for Printer {
             )),
             TrainingEvent::CheckpointWritten { .. } => {}
         }
+    }
+
+    fn wants_stop(&mut self) -> bool {
+        self.end_of_input.has_come()
     }
 }
