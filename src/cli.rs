@@ -37,21 +37,19 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use arguments::{Arguments, Command};
+use parent::EndOfInput;
 
 /// Runs the command line that the process was started with.
 #[must_use]
 pub fn main() -> ExitCode {
     end_quietly_without_a_reader();
     let arguments = Arguments::parse();
-    // A training stops at a checkpoint instead.
-    if arguments.ends_with_stdin && !matches!(arguments.command, Command::Train(_)) {
-        parent::end_with_input();
-    }
+    let end_of_input = EndOfInput::watched(arguments.ends_with_stdin);
     let done = match &arguments.command {
         Command::Record(a) => record::record(a),
         Command::Demos(a) => demos::demos(a),
         Command::Convert(a) => convert::convert(a),
-        Command::Train(a) => train::train(a, &arguments),
+        Command::Train(a) => train::train(a, &arguments, &end_of_input),
         Command::Graph(a) => graph::graph(a, &arguments),
         Command::Compose(a) => compose::compose(a, &arguments),
         Command::Run(a) => run::run(a, &arguments),

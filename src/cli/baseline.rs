@@ -37,6 +37,7 @@ pub(super) fn train_method(
     method: BaselineMethod,
     arguments: &TrainArguments,
     all: &Arguments,
+    end_of_input: &EndOfInput,
 ) -> Result<(), CliError> {
     if !arguments.practice.is_empty() {
         return Err(CliError::FlagOfOurs { flag: "--practice" });
@@ -66,7 +67,7 @@ pub(super) fn train_method(
     }
     let mut printer = Printer {
         bar: progress::bar("training", config.steps),
-        end_of_input: EndOfInput::watched(all.ends_with_stdin),
+        end_of_input: end_of_input.clone(),
     };
     let frozen = frozen
         .as_ref()

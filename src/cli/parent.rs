@@ -34,35 +34,38 @@ fn begun(command: &mut Command) -> io::Result<(Child, Option<ChildStdin>)> {
     Ok((child, open))
 }
 
-/// Ends this process when its standard input ends.
-pub(super) fn end_with_input() {
-    at_end_of_input(|| std::process::exit(ABANDONED));
+/// The end of this process's standard input, and that of the process with it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct EndOfInput {
+    has_come: Arc<AtomicBool>,
+    /// Whether somebody asks for it, who then stops what is at work.
+    is_asked_for: Arc<AtomicBool>,
 }
 
-/// The end of this process's standard input.
-#[derive(Clone, Debug, Default)]
-pub(super) struct EndOfInput(Arc<AtomicBool>);
-
 impl EndOfInput {
-    /// Looks out for it where that is asked for; elsewhere it never comes.
-    pub(super) fn watched(is_asked_for: bool) -> Self {
+    /// Looks out for it where that is wanted; elsewhere it never comes.
+    pub(super) fn watched(is_wanted: bool) -> Self {
         let end = Self::default();
-        if is_asked_for {
-            let has_come = Arc::clone(&end.0);
-            at_end_of_input(move || has_come.store(true, Ordering::Relaxed));
+        if is_wanted {
+            let watched = end.clone();
+            thread::spawn(move || watched.wait());
         }
         end
     }
 
+    /// Whether it has come. The process ends with it until this is asked for the first time; from then on it is for who
+    /// asks to stop.
     pub(super) fn has_come(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        self.is_asked_for.store(true, Ordering::SeqCst);
+        self.has_come.load(Ordering::SeqCst)
     }
-}
 
-fn at_end_of_input(then: impl FnOnce() + Send + 'static) {
-    thread::spawn(move || {
+    fn wait(&self) {
         // Nobody writes there, and one that cannot be read has ended, too.
         let _ = io::copy(&mut io::stdin(), &mut io::sink());
-        then();
-    });
+        self.has_come.store(true, Ordering::SeqCst);
+        if !self.is_asked_for.load(Ordering::SeqCst) {
+            std::process::exit(ABANDONED);
+        }
+    }
 }

@@ -21,9 +21,13 @@ pub(super) use printer::Printer;
 use sets::{describe_bins, load_sets};
 
 /// `catena train`: demonstrations to a model in a folder of ONNX files.
-pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), CliError> {
+pub(super) fn train(
+    arguments: &TrainArguments,
+    all: &Arguments,
+    end_of_input: &EndOfInput,
+) -> Result<(), CliError> {
     if let Some(method) = method_of(arguments.method) {
-        return train_method(method, arguments, all);
+        return train_method(method, arguments, all, end_of_input);
     }
     if arguments.frozen_encoder.is_some() {
         return Err(CliError::FrozenEncoderOfOurs);
@@ -53,7 +57,7 @@ pub(super) fn train(arguments: &TrainArguments, all: &Arguments) -> Result<(), C
     }
     let mut printer = Printer {
         bar: progress::bar("training", config.steps),
-        end_of_input: EndOfInput::watched(all.ends_with_stdin),
+        end_of_input: end_of_input.clone(),
     };
     let mut report = fit(&sets, &config, &run_folder, &mut printer)?;
     printer.bar.finish_and_clear();
