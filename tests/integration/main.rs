@@ -10,6 +10,8 @@ mod broken_graphs;
 mod command;
 mod diagnostics;
 #[cfg(feature = "cli")]
+mod experiments;
+#[cfg(feature = "cli")]
 mod language;
 #[cfg(feature = "cli")]
 mod schemas;
