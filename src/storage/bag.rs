@@ -7,6 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use serde::Deserialize;
 
 use super::StorageError;
+use super::values::fault_of;
 
 /// What lies beside the files of a bag.
 pub(super) const METADATA_FILE: &str = "metadata.yaml";
@@ -22,8 +23,17 @@ struct Metadata {
 
 #[derive(Deserialize)]
 struct Information {
-    #[serde(default)]
     relative_file_paths: Vec<PathBuf>,
+}
+
+/// The files that a folder's metadata names.
+enum Named {
+    /// It is no bag's metadata, or there is none.
+    NoBag,
+    /// The names, as it has them.
+    Files(Vec<PathBuf>),
+    /// It is a bag's, and what is wrong with it.
+    Damaged(String),
 }
 
 /// Whether a file is the metadata of a bag, whatever it is called.
@@ -47,9 +57,21 @@ pub(crate) fn bag_in(folder: &Path) -> Option<PathBuf> {
 /// The files of a bag that is one recording in several MCAP files, in order; none where the folder is no such bag.
 ///
 /// # Errors
-/// [`StorageError::PartMissing`] when one of them is not there: nothing tells what it held.
+/// [`StorageError::PartMissing`] when one of them is not there: nothing tells what it held;
+/// [`StorageError::BagDamaged`] when nothing tells whether the files that are there belong together.
 pub(super) fn parts(folder: &Path) -> Result<Option<Vec<PathBuf>>, StorageError> {
-    let Some(parts) = listed(folder) else {
+    let named = named_in(folder);
+    if let Named::Damaged(fault) = named {
+        return match mcap_files(folder).len() {
+            0 | 1 => Ok(None),
+            files => Err(StorageError::BagDamaged {
+                path: folder.join(METADATA_FILE),
+                files,
+                fault,
+            }),
+        };
+    }
+    let Some(parts) = listed(folder, named) else {
         return Ok(None);
     };
     match parts.iter().find(|part| !part.is_file()) {
@@ -61,11 +83,14 @@ pub(super) fn parts(folder: &Path) -> Result<Option<Vec<PathBuf>>, StorageError>
     }
 }
 
-/// The folder of the bag that a file is part of; none where it is part of none.
+/// The folder of the bag that a file is part of, or may be; none where it is part of none.
 pub(super) fn around(file: &Path) -> Option<PathBuf> {
     let folder = folder_of(file)?;
     let part = folder.join(file.file_name()?);
-    listed(&folder)?.contains(&part).then_some(folder)
+    let named = named_in(&folder);
+    let may_be = matches!(named, Named::Damaged(_));
+    let is_part = listed(&folder, named).is_some_and(|parts| parts.contains(&part));
+    (may_be || is_part).then_some(folder)
 }
 
 /// The folder that a file lies in, by a path that ends with its name: a recording is called as its folder, and `.` is
@@ -79,28 +104,52 @@ pub(super) fn folder_of(file: &Path) -> Option<PathBuf> {
 }
 
 /// The files that make a folder a bag of several, whether they are there or not.
-fn listed(folder: &Path) -> Option<Vec<PathBuf>> {
-    let named = named_in(folder)?;
-    let is_ours =
-        |name: &PathBuf| lies_below(name) && name.extension().is_some_and(|e| e == "mcap");
+fn listed(folder: &Path, named: Named) -> Option<Vec<PathBuf>> {
+    let Named::Files(named) = named else {
+        return None;
+    };
+    let is_ours = |name: &PathBuf| lies_below(name) && is_mcap(name);
     let is_bag = named.len() > 1 && named.iter().all(is_ours);
     is_bag.then(|| named.iter().map(|name| folder.join(name)).collect())
 }
 
-/// The files in any format that a folder's metadata names, so far as they are there.
+/// The files in any format of a bag that is not one of several, so far as they are there: those that its metadata names,
+/// or where it is damaged the one that lies beside it.
 pub(super) fn present(folder: &Path) -> Vec<PathBuf> {
-    let named = named_in(folder).unwrap_or_default().into_iter();
+    let named = match named_in(folder) {
+        Named::NoBag => return Vec::new(),
+        Named::Damaged(_) => return mcap_files(folder),
+        Named::Files(named) => named.into_iter(),
+    };
     let below = named.filter(|name| lies_below(name));
     let files = below.map(|name| folder.join(name));
     files.filter(|file| file.is_file()).collect()
 }
 
-/// The names of files as a folder's metadata has them; none where it is no bag's.
-fn named_in(folder: &Path) -> Option<Vec<PathBuf>> {
-    let text = fs::read_to_string(folder.join(METADATA_FILE)).ok()?;
-    // Others name their files so, too.
-    let metadata: Metadata = serde_yaml::from_str(&text).ok()?;
-    Some(metadata.rosbag2_bagfile_information.relative_file_paths)
+fn named_in(folder: &Path) -> Named {
+    let path = folder.join(METADATA_FILE);
+    let Ok(text) = fs::read_to_string(&path) else {
+        return Named::NoBag;
+    };
+    match serde_yaml::from_str::<Metadata>(&text) {
+        Ok(metadata) => Named::Files(metadata.rosbag2_bagfile_information.relative_file_paths),
+        Err(error) if is_metadata(&path) => Named::Damaged(fault_of(&error)),
+        // Others name their files so, too.
+        Err(_) => Named::NoBag,
+    }
+}
+
+/// The MCAP files that lie in a folder.
+fn mcap_files(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let files = entries.map(|entry| entry.path());
+    files
+        .filter(|file| is_mcap(file) && file.is_file())
+        .collect()
+}
+
+fn is_mcap(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == "mcap")
 }
 
 fn lies_below(name: &Path) -> bool {

@@ -303,14 +303,42 @@ mod tests {
         fs::write(&metadata, one).unwrap();
         assert_eq!(ids(std::slice::from_ref(&metadata)), ["run_0"]);
         assert_eq!(ids(&before[..2]), ["run_0"]);
+        fs::remove_file(&parts[1]).unwrap();
+        fs::remove_file(&parts[2]).unwrap();
         let of_nothing = "rosbag2_bagfile_information: {}\n";
         fs::write(&metadata, of_nothing).unwrap();
+        assert_eq!(ids(std::slice::from_ref(&metadata)), ["run_0"]);
         assert_eq!(ids(&before[..2]), ["run_0"]);
+        fs::remove_file(&parts[0]).unwrap();
         let error = recording_files(&[metadata]).unwrap_err();
         assert!(
             matches!(error, StorageError::NoRecordings { .. }),
             "{error}"
         );
+    }
+
+    #[test]
+    fn files_beside_damaged_metadata_of_a_bag_are_not_taken_one_by_one() {
+        let root = tempfile::tempdir().unwrap();
+        let bag = root.path().join("run");
+        write_bag(&bag);
+        let metadata = bag.join("metadata.yaml");
+        let whole = fs::read_to_string(&metadata).unwrap();
+        let cut = whole.find("relative_file_paths").unwrap();
+        let part = bag.join("run_1.mcap");
+        for damaged in [&whole[..cut], "rosbag2_bagfile_information: [\n"] {
+            fs::write(&metadata, damaged).unwrap();
+            for path in [root.path(), &bag, &metadata, &part] {
+                let error = recording_files(&[path.to_owned()]).unwrap_err();
+                assert!(
+                    matches!(error, StorageError::BagDamaged { files: 3, .. }),
+                    "{}: {error}",
+                    path.display()
+                );
+            }
+        }
+        fs::remove_file(metadata).unwrap();
+        assert_eq!(recording_files(&[bag]).unwrap().len(), 3);
     }
 
     #[test]

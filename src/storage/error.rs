@@ -153,6 +153,20 @@ pub enum StorageError {
         /// The one that is missing.
         part: PathBuf,
     },
+    /// A bag's metadata does not name its files, and there are several.
+    #[error(
+        "{path}: the metadata of a bag, of which it cannot be read which files it consists of ({fault}), while {files} MCAP \
+         files lie beside it: write it anew (`ros2 bag reindex`), or take it away to read each file as a recording",
+        path = path.display()
+    )]
+    BagDamaged {
+        /// The metadata.
+        path: PathBuf,
+        /// How many files lie beside it.
+        files: usize,
+        /// What is wrong with it.
+        fault: String,
+    },
     /// No action comes after the first image of every camera.
     #[error(
         "{path}: none of the {actions} actions comes after the first image of every camera ({cameras}), \

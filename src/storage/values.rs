@@ -5,16 +5,19 @@ use serde_json::Value;
 /// # Errors
 /// What is wrong with the text, with its line and column.
 pub fn read_values(text: &str) -> Result<Value, String> {
-    serde_yaml::from_str(text).map_err(|error| {
-        let message = error.to_string();
-        let fault = message.lines().next().unwrap_or_default();
-        let fault = fault.strip_prefix("error: ").unwrap_or(fault);
-        // What follows is said to whoever calls the parser.
-        let end = fault
-            .find(", set DuplicateKeyPolicy")
-            .unwrap_or(fault.len());
-        fault[..end].to_owned()
-    })
+    serde_yaml::from_str(text).map_err(|error| fault_of(&error))
+}
+
+/// What the parser of YAML says is wrong, in one line.
+pub(super) fn fault_of(error: &serde_yaml::Error) -> String {
+    let message = error.to_string();
+    let fault = message.lines().next().unwrap_or_default();
+    let fault = fault.strip_prefix("error: ").unwrap_or(fault);
+    // What follows is said to whoever calls the parser.
+    let end = fault
+        .find(", set DuplicateKeyPolicy")
+        .unwrap_or(fault.len());
+    fault[..end].to_owned()
 }
 
 #[cfg(test)]
