@@ -19,13 +19,14 @@ pub struct Panel {
 const WIDTH: f32 = 460.0;
 const HEIGHT: f32 = 300.0;
 const TOP: f32 = 84.0;
+const BOTTOM: f32 = TOP + HEIGHT;
 const LEFT: f32 = 64.0;
 const RIGHT: f32 = 20.0;
 const LEGEND_ROW: f32 = 22.0;
 /// Room beside a name in the legend: for its line, and what is left free.
 const LEGEND_FREE: f32 = 64.0;
-/// Lines across a panel.
-const GRID: usize = 5;
+/// Marks along an axis, more or less.
+const MARKS: f64 = 5.0;
 
 /// Panels of lines as SVG text; `across` names the common axis. Upwards, a panel shows what its lines
 /// reach beyond their first points, which are often far off.
@@ -36,8 +37,7 @@ pub fn curves_svg(panels: &[Panel], title: &str, across: &str) -> String {
     let column = LEGEND_FREE + widths.fold(0.0, f32::max);
     let width = WIDTH * panels.len().max(1) as f32;
     let columns = (((width - LEFT) / column) as usize).max(1);
-    let bottom = TOP + HEIGHT;
-    let height = bottom + 56.0 + LEGEND_ROW * lines.len().div_ceil(columns) as f32;
+    let height = BOTTOM + 56.0 + LEGEND_ROW * lines.len().div_ceil(columns) as f32;
     let mut canvas = Canvas::new(width, height);
     canvas.heading(title);
     for (index, panel) in panels.iter().enumerate() {
@@ -45,7 +45,7 @@ pub fn curves_svg(panels: &[Panel], title: &str, across: &str) -> String {
     }
     for (index, (name, _)) in lines.iter().enumerate() {
         let x = LEFT + (index % columns) as f32 * column;
-        let y = bottom + 62.0 + (index / columns) as f32 * LEGEND_ROW;
+        let y = BOTTOM + 62.0 + (index / columns) as f32 * LEGEND_ROW;
         canvas.push(format_args!(
             "<path d=\"M{x:.1} {y:.1}h26\" stroke=\"{}\" stroke-width=\"3\"/>",
             palette::task(index).hex()
@@ -56,58 +56,18 @@ pub fn curves_svg(panels: &[Panel], title: &str, across: &str) -> String {
 }
 
 fn draw(canvas: &mut Canvas, panel: &Panel, start: f32, across: &str) {
-    let settled = panel.lines.iter().flat_map(|(_, points)| {
-        let first = usize::from(points.len() > 1);
-        points.iter().skip(first)
-    });
-    let (low, high) = range(settled.map(|p| p[1]));
-    let (first, last) = range(
-        panel
-            .lines
-            .iter()
-            .flat_map(|(_, points)| points)
-            .map(|p| p[0]),
-    );
-    let (left, right, bottom) = (start + LEFT, start + WIDTH - RIGHT, TOP + HEIGHT);
-    let share = |value: f64, low: f64, high: f64| ((value - low) / (high - low)) as f32;
-    let x = |value: f64| left + share(value, first, last) * (right - left);
-    let y = |value: f64| bottom - share(value.clamp(low, high), low, high) * HEIGHT;
-    for line in 0..=GRID {
-        let part = line as f64 / GRID as f64;
-        let value = low + part * (high - low);
-        canvas.push(format_args!(
-            "<path d=\"M{left:.1} {:.1}H{right:.1}\" stroke=\"#e5e7eb\"/>",
-            y(value)
-        ));
-        let set = Type {
-            anchor: "end",
-            ..Type::default()
-        };
-        canvas.text(left - 8.0, y(value) + 5.0, set, &format!("{value:.2}"));
-    }
-    for value in ticks(first, last) {
-        let set = Type {
-            anchor: "middle",
-            ..Type::default()
-        };
-        canvas.text(x(value), bottom + 20.0, set, &format!("{value:.0}"));
-    }
+    let axes = Axes::of(panel, start);
+    axes.draw(canvas);
     let set = Type {
         weight: 600,
         colour: INK,
         ..Type::default()
     };
-    canvas.text(left, TOP - 14.0, set, &panel.label);
-    let set = Type {
-        anchor: "end",
-        ..Type::default()
-    };
-    canvas.text(right, bottom + 38.0, set, across);
+    canvas.text(axes.left, TOP - 14.0, set, &panel.label);
+    canvas.text(axes.right, BOTTOM + 38.0, anchored("end"), across);
     for (index, (_, points)) in panel.lines.iter().enumerate() {
-        let path: Vec<String> = points
-            .iter()
-            .map(|p| format!("{:.1} {:.1}", x(p[0]), y(p[1])))
-            .collect();
+        let at = |p: &[f64; 2]| format!("{:.1} {:.1}", axes.x(p[0]), axes.y(p[1]));
+        let path: Vec<String> = points.iter().map(at).collect();
         canvas.push(format_args!(
             "<path d=\"M{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2.2\" stroke-linejoin=\"round\"/>",
             path.join("L"),
@@ -115,20 +75,91 @@ fn draw(canvas: &mut Canvas, panel: &Panel, start: f32, across: &str) {
         ));
         // A line of one point would not be seen.
         if let Some(last) = points.last() {
-            canvas.circle([x(last[0]), y(last[1])], 4.0, palette::task(index));
+            canvas.circle(
+                [axes.x(last[0]), axes.y(last[1])],
+                4.0,
+                palette::task(index),
+            );
         }
     }
 }
 
-/// Round whole numbers from a least to a largest value, some [`GRID`] of them.
-fn ticks(first: f64, last: f64) -> Vec<f64> {
-    let wanted = ((last - first) / GRID as f64).max(1.0);
+fn anchored(anchor: &'static str) -> Type {
+    Type {
+        anchor,
+        ..Type::default()
+    }
+}
+
+/// Where the values of a panel lie in the picture.
+struct Axes {
+    left: f32,
+    right: f32,
+    /// Least and largest value across.
+    across: (f64, f64),
+    /// Least and largest value upwards.
+    upwards: (f64, f64),
+}
+
+impl Axes {
+    fn of(panel: &Panel, start: f32) -> Self {
+        let settled = panel.lines.iter().flat_map(|(_, points)| {
+            let first = usize::from(points.len() > 1);
+            points.iter().skip(first)
+        });
+        let all = panel.lines.iter().flat_map(|(_, points)| points);
+        Self {
+            left: start + LEFT,
+            right: start + WIDTH - RIGHT,
+            across: range(all.map(|p| p[0])),
+            upwards: range(settled.map(|p| p[1])),
+        }
+    }
+
+    fn x(&self, value: f64) -> f32 {
+        self.left + share(value, self.across) * (self.right - self.left)
+    }
+
+    fn y(&self, value: f64) -> f32 {
+        let (low, high) = self.upwards;
+        BOTTOM - share(value.clamp(low, high), self.upwards) * HEIGHT
+    }
+
+    fn draw(&self, canvas: &mut Canvas) {
+        let (left, right) = (self.left, self.right);
+        for (value, told) in ticks(self.upwards, 0.0) {
+            let y = self.y(value);
+            canvas.push(format_args!(
+                "<path d=\"M{left:.1} {y:.1}H{right:.1}\" stroke=\"#e5e7eb\"/>"
+            ));
+            canvas.text(left - 8.0, y + 5.0, anchored("end"), &told);
+        }
+        canvas.push(format_args!(
+            "<path d=\"M{left:.1} {BOTTOM:.1}H{right:.1}\" stroke=\"#9ca3af\"/>"
+        ));
+        for (value, told) in ticks(self.across, 1.0) {
+            canvas.text(self.x(value), BOTTOM + 20.0, anchored("middle"), &told);
+        }
+    }
+}
+
+fn share(value: f64, (low, high): (f64, f64)) -> f32 {
+    ((value - low) / (high - low)) as f32
+}
+
+/// Round numbers from a least to a largest value, some [`MARKS`] of them and none nearer to the next than `nearest`, with
+/// how each is written.
+fn ticks((first, last): (f64, f64), nearest: f64) -> Vec<(f64, String)> {
+    let wanted = ((last - first) / MARKS).max(nearest);
     let power = 10.0_f64.powf(wanted.log10().floor());
     let rounds = [1.0, 2.0, 5.0].map(|round| round * power);
     let fits = rounds.into_iter().find(|step| *step >= wanted);
     let step = fits.unwrap_or(10.0 * power);
+    let decimals = (-(step.log10() + 1e-9).floor()).max(0.0) as usize;
     let multiples = (0..).map(|index| ((first / step).ceil() + f64::from(index)) * step);
-    multiples.take_while(|value| *value <= last).collect()
+    // The last one is often the largest value, but for how it is computed.
+    let within = multiples.take_while(|value| *value <= last + 1e-9 * step);
+    within.map(|v| (v, format!("{v:.decimals$}"))).collect()
 }
 
 /// Least and largest; 0 and 1 for no values, and never the same twice.
@@ -190,10 +221,23 @@ mod tests {
 
     #[test]
     fn an_axis_is_marked_at_round_numbers() {
-        assert_eq!(ticks(250.0, 4400.0), [1000.0, 2000.0, 3000.0, 4000.0]);
-        assert_eq!(ticks(0.0, 10.0), [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]);
-        assert_eq!(ticks(1.0, 2.0), [1.0, 2.0]);
-        assert_eq!(ticks(200.0, 201.0), [200.0, 201.0]);
+        let told = |first, last, nearest| -> Vec<String> {
+            let marks = ticks((first, last), nearest);
+            for (value, told) in &marks {
+                assert!((told.parse::<f64>().unwrap() - value).abs() < 1e-9);
+            }
+            marks.into_iter().map(|(_, told)| told).collect()
+        };
+        assert_eq!(told(250.0, 4400.0, 1.0), ["1000", "2000", "3000", "4000"]);
+        assert_eq!(told(0.0, 10.0, 1.0), ["0", "2", "4", "6", "8", "10"]);
+        assert_eq!(told(1.0, 2.0, 1.0), ["1", "2"]);
+        assert_eq!(told(200.0, 201.0, 1.0), ["200", "201"]);
+        assert_eq!(told(0.57, 1.13, 0.0), ["0.6", "0.8", "1.0"]);
+        assert_eq!(told(0.58, 1.0, 0.0), ["0.6", "0.7", "0.8", "0.9", "1.0"]);
+        assert_eq!(
+            told(0.0, 0.05, 0.0),
+            ["0.00", "0.01", "0.02", "0.03", "0.04", "0.05"]
+        );
     }
 
     #[test]
