@@ -15,6 +15,7 @@ mod decode;
 mod demonstrations;
 mod depth;
 mod digest;
+mod ending;
 mod episode;
 mod error;
 mod film;
@@ -49,6 +50,7 @@ pub use build_folder::BuildFolder;
 pub use convert::{Conversion, PictureFormat, convert_to_lerobot, convert_to_mcap};
 pub use demonstrations::{demonstrations_digest, load_demonstrations, recording_files};
 pub use digest::sha256_file;
+pub(crate) use ending::is_mcap;
 pub use episode::{EpisodeWriter, PRACTICE_NOTE, RecordingMetadata, write_trajectory};
 pub use error::StorageError;
 pub use graph_folder::{

@@ -24,6 +24,14 @@ pub(crate) fn number_or_many(number: Option<u64>) -> String {
     number.map_or_else(|| "very many".to_owned(), |number| number.to_string())
 }
 
+/// A number with its noun, or that it is too great to be told.
+pub(crate) fn counted_or_many(number: Option<u64>, noun: &str) -> String {
+    match number.map(usize::try_from) {
+        Some(number) => counted(number.unwrap_or(usize::MAX), noun),
+        None => format!("{} {noun}s", number_or_many(None)),
+    }
+}
+
 /// Names with commas, of a long list the first so many and how many more there are: `a, b and 3 more`.
 pub(crate) fn listed(names: impl IntoIterator<Item: AsRef<str>>, most: usize) -> String {
     let mut names = names.into_iter();

@@ -7,6 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use serde::Deserialize;
 
 use super::StorageError;
+use super::ending::{is_mcap, is_yaml};
 use super::values::fault_of;
 
 /// What lies beside the files of a bag.
@@ -38,8 +39,7 @@ enum Named {
 
 /// Whether a file is the metadata of a bag, whatever it is called.
 pub(super) fn is_metadata(path: &Path) -> bool {
-    let ending = path.extension().unwrap_or_default();
-    if ending != "yaml" && ending != "yml" {
+    if !is_yaml(path) {
         return false;
     }
     let mut head = Vec::new();
@@ -146,10 +146,6 @@ fn mcap_files(folder: &Path) -> Vec<PathBuf> {
     files
         .filter(|file| is_mcap(file) && file.is_file())
         .collect()
-}
-
-fn is_mcap(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending == "mcap")
 }
 
 fn lies_below(name: &Path) -> bool {

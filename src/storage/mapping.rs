@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use serde_yaml::Spanned;
 
+use super::ending::is_yaml;
 use super::{StorageError, bag, nearest};
 use crate::trajectory::{ActionSpace, Binning};
 use crate::wording;
@@ -39,8 +40,7 @@ pub(super) enum SaidOfTopic<'a> {
 
 /// Whether a path is taken for a mapping file: any YAML file but the metadata of a bag.
 pub(super) fn is_mapping(path: &Path) -> bool {
-    let ending = path.extension().unwrap_or_default();
-    (ending == "yaml" || ending == "yml") && path.is_file() && !bag::is_metadata(path)
+    is_yaml(path) && path.is_file() && !bag::is_metadata(path)
 }
 
 impl Mapping {

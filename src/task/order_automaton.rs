@@ -273,12 +273,7 @@ impl OrderAutomaton {
     /// can be come by in so many ways that counting them takes long: there are [`way_count`](Self::way_count) at most.
     #[must_use]
     pub fn order_count(&self, last: Option<&str>) -> Option<u64> {
-        let may_be_nothing = || {
-            let mut skipped = self.skipped_to(0).into_iter();
-            skipped.any(|(state, _)| state == self.last_state())
-        };
-        let count = OrderWalk::new(self, last, usize::MAX).count()?;
-        Some(count - u64::from(last.is_none() && may_be_nothing()))
+        OrderWalk::new(self, last, usize::MAX).count()
     }
 
     /// The orders of tasks that it allows, each once, at most `count` of them.

@@ -57,7 +57,7 @@ impl<'a> OrderWalk<'a> {
         self.found
     }
 
-    /// How many orders there are, each counted once; none where that would take long or there are more than a `u64` holds.
+    /// How many orders of tasks there are, each counted once and that of none not at all; none where that would take long or there are more than a `u64` holds.
     pub(super) fn count(mut self) -> Option<u64> {
         self.count_from(vec![0], &mut Counted::new())
     }
@@ -72,7 +72,7 @@ impl<'a> OrderWalk<'a> {
         let mut count = 0_u64;
         for next in self.ahead_of(&here.0) {
             let (Some(task), states) = next else {
-                count = count.checked_add(1)?;
+                count = count.checked_add(u64::from(!self.done.is_empty()))?;
                 continue;
             };
             self.done.push(task);

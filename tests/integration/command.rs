@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::thread;
+use std::time::Duration;
 
 pub(crate) fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
@@ -14,6 +16,16 @@ pub(crate) fn catena(arguments: &[&str]) -> Output {
         .current_dir(root())
         .output()
         .expect("the command starts")
+}
+
+/// Waits until something is so, looking often, a minute at most.
+pub(crate) fn wait_until(is_so: impl Fn() -> bool) {
+    for _ in 0..6000 {
+        if is_so() {
+            return;
+        }
+        thread::sleep(Duration::from_millis(10));
+    }
 }
 
 pub(crate) fn text(output: &[u8]) -> String {

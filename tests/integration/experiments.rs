@@ -3,10 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::thread;
-use std::time::Duration;
 
-use crate::command::{catena, path, root, text};
+use crate::command::{catena, path, root, text, wait_until};
 use crate::training::recorded;
 
 /// An experiment on the recordings in a folder's `demos`, which works in `work` and keeps its cells in `out`.
@@ -43,12 +41,7 @@ fn what_an_experiment_runs_ends_when_it_is_killed() {
             .filter(|p| p.extension().is_some_and(|e| e == "mcap"))
             .count()
     };
-    for _ in 0..600 {
-        if recordings() > 0 {
-            break;
-        }
-        thread::sleep(Duration::from_millis(100));
-    }
+    wait_until(|| recordings() > 0);
     assert!(recordings() > 0, "it records");
     started.kill().expect("it is killed");
     // What it runs prints there, too, so that this waits for both.

@@ -3,10 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::thread;
-use std::time::Duration;
 
-use crate::command::{catena, path, succeeded, text};
+use crate::command::{catena, path, succeeded, text, wait_until};
 
 /// Records demonstrations of a task in a folder of its name.
 pub(crate) fn recorded(folder: &Path, task: &str, demonstrations: &str) -> PathBuf {
@@ -135,12 +133,7 @@ fn a_training_keeps_another_one_out_of_its_run_folder_until_it_ends_or_is_killed
         .spawn();
     let mut training = started.expect("the command starts");
     // Written once the folder is taken and the demonstrations are read.
-    for _ in 0..600 {
-        if run.join("run.json").exists() {
-            break;
-        }
-        thread::sleep(Duration::from_millis(100));
-    }
+    wait_until(|| run.join("run.json").exists());
     let config = fs::read(run.join("config.json")).expect("a training that is at work");
     let alone: &[&str] = &[];
     for more in [alone, &["--resume"], &["--method", "bc"]] {
@@ -210,13 +203,8 @@ fn a_training_that_is_to_end_with_its_input_stops_at_a_checkpoint() {
             .stderr(Stdio::piped())
             .spawn();
         let mut training = started.expect("the command starts");
-        // Often, since a baseline's training ends by itself when steps bring nothing better.
-        for _ in 0..6000 {
-            if run.join("checkpoint.safetensors").is_file() {
-                break;
-            }
-            thread::sleep(Duration::from_millis(10));
-        }
+        // A baseline's training ends by itself when steps bring nothing better, but not so soon.
+        wait_until(|| run.join("checkpoint.safetensors").is_file());
         drop(training.stdin.take());
         let output = training.wait_with_output().expect("it has ended");
         let said = text(&output.stderr);

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::cli::error::CliError;
-use crate::storage::{ReadOptions, RecordingReport, Recordings, bag_in};
+use crate::storage::{ReadOptions, RecordingReport, Recordings, bag_in, is_mcap};
 
 /// The MCAP recordings of a folder: files, and bags, which are whole whether their files lie there or in a folder of
 /// their own.
@@ -59,7 +59,7 @@ pub(super) fn recordings_in(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let mut files: Vec<PathBuf> = entries
         .map(|entry| entry.path())
-        .filter(|path| path.extension().is_some_and(|e| e == "mcap"))
+        .filter(|path| is_mcap(path))
         .collect();
     files.sort_unstable();
     files

@@ -122,7 +122,7 @@ impl<'a> Workshop<'a> {
         let of_task = |task: &str| {
             let recordings = match self.ingredients.given(task) {
                 Some(given) => given.to_vec(),
-                None => each_alone(recordings_in(&self.work.join("demos").join(task))),
+                None => each_alone(recordings_in(&self.demos(task))),
             };
             let files = recordings.get(..demonstrations)?.concat();
             let digest = demonstrations_digest(&files).ok()?;

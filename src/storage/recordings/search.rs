@@ -11,7 +11,7 @@ use crate::storage::lerobot::{self, Dataset};
 use crate::storage::mapping::Mapping;
 use crate::storage::salvage::check_begins_as_mcap;
 use crate::storage::view::{ReadOptions, View};
-use crate::storage::{StorageError, bag};
+use crate::storage::{StorageError, bag, is_mcap};
 
 /// How the names of files of recorders end whose format is not read.
 const OF_OTHER_FORMATS: [&str; 6] = ["bag", "db3", "h5", "hdf5", "zst", "zstd"];
@@ -126,7 +126,7 @@ impl Search {
 
     /// Takes a file that nobody named if it is an MCAP file.
     fn take_file(&mut self, path: PathBuf, view: &View) {
-        if path.extension().is_some_and(|e| e == "mcap") {
+        if is_mcap(&path) {
             self.take_mcap(&path, vec![path.clone()], view);
         } else if is_of_other_format(&path)
             && self.passed_over.as_ref().is_none_or(|first| path < *first)

@@ -9,7 +9,7 @@ use crate::planner::{Explanation, PlanPart};
 use crate::task::OrderAutomaton;
 use crate::view::palette::{self, GREY, INK, Rgb, STAR};
 use crate::view::{ViewError, file};
-use crate::wording::counted;
+use crate::wording::{counted, counted_or_many};
 
 const LEAST_WIDTH: f32 = 900.0;
 /// Between two stages, if the names there are not too long for it.
@@ -105,7 +105,7 @@ fn head(
     let cost: f64 = explanation.parts.iter().map(|p| p.cost).sum();
     let line = format!(
         "{}   \u{b7}   {}   \u{b7}   plan: {}, cost {cost:.1}, holds with probability {:.3}",
-        told_orders(open),
+        counted_or_many(open, "order"),
         counted(explanation.stages.len(), "subgoal"),
         counted(steps as usize, "step"),
         explanation.odds.probability
@@ -120,13 +120,6 @@ fn head(
         }
     };
     canvas.text(LEFT - 28.0, 98.0, set(13.0, 600, INK), note);
-}
-
-fn told_orders(count: Option<u64>) -> String {
-    count.map_or_else(
-        || "very many orders".to_owned(),
-        |count| counted(usize::try_from(count).unwrap_or(usize::MAX), "order"),
-    )
 }
 
 /// The stages of the plan in lines, each with the part of the plan that leads out of it.
