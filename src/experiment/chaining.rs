@@ -7,7 +7,7 @@ use crate::composer::{Calibration, OnShortcut};
 use crate::planner::{FilterOptions, PlannerOptions};
 use crate::task::Automaton;
 
-/// The paper's rate for two tasks that were demonstrated apart (Fu & Finn, section IV-D): 2 of 10.
+/// The paper's rate for two tasks that were demonstrated apart (Fu & Finn, section IV-B): 2 of 10.
 const PAPERS_RATE: f64 = 0.2;
 
 /// A way of running a chain: with all that guards it, or with one guard switched off.

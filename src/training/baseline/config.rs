@@ -28,7 +28,7 @@ pub struct BaselineConfig {
     /// Write a checkpoint after so many steps.
     pub checkpoint_every_steps: u64,
     /// Stop when so many validations in a row have brought no lower loss: the paper stops every baseline once
-    /// the validation loss rises (Fu & Finn, section IV-D).
+    /// the validation loss rises (Fu & Finn, section IV-A).
     pub patience_validations: Option<u64>,
     /// Stop training after so many minutes; the learning rate falls to its end by then. The weights
     /// then depend on the speed of the machine.
