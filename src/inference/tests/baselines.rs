@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use tempfile::TempDir;
 
@@ -10,10 +11,14 @@ use super::onnx::Network;
 use super::trained::{assert_near, demonstration, exported, softmax};
 use crate::inference::{Baseline, EngineChoice, FrozenEncoder, InferenceError, Model};
 use crate::model::{
-    BaselineMethod, FeatureEncoder, Latents, MANIFEST_FILE, POLICY_FILE, ReactivePolicy,
+    BaselineMethod, ENCODER_FILE, FeatureEncoder, Latents, MANIFEST_FILE, POLICY_FILE,
+    ReactivePolicy,
 };
-use crate::training::{BaselineConfig, Dataset, Preset, TrainedBaseline, export_baseline};
-use crate::trajectory::{DemonstrationSet, State, Trajectory};
+use crate::training::{
+    BaselineConfig, Dataset, Preset, RunFolder, TrainedBaseline, TrainingEvent, TrainingObserver,
+    export_baseline, train_baseline,
+};
+use crate::trajectory::{Action, DemonstrationSet, Image, Observation, State, Step, Trajectory};
 
 const STATES: usize = 9;
 
@@ -122,6 +127,77 @@ fn exported_baselines_agree_with_burn() {
             spread.iter().any(|v| (v - spread[0]).abs() > 1e-4),
             "{method}: the logits differ, or nothing was compared: {spread:?}"
         );
+    }
+}
+
+/// A demonstration in which the colour of the picture tells the action.
+fn coloured(id: &str, level: u8) -> Trajectory {
+    let step = |step: usize| {
+        let mut pixel = [20_u8; 3];
+        pixel[step % 3] = level;
+        let image = Image::new(16, 16, pixel.repeat(16 * 16)).expect("it is full");
+        Step {
+            time_secs: step as f64,
+            observation: Arc::new(Observation::new([("head".to_owned(), image)])),
+            action: Action::Primitive(step % 3),
+        }
+    };
+    Trajectory {
+        id: id.to_owned(),
+        steps: (0..12).map(step).collect(),
+        ..demonstration()
+    }
+}
+
+/// Keeps the loss of every step.
+#[derive(Default)]
+struct Losses(Vec<f32>);
+
+impl TrainingObserver for Losses {
+    fn notice(&mut self, event: &TrainingEvent) {
+        if let TrainingEvent::Step { losses, .. } = event {
+            self.0.push(losses.total);
+        }
+    }
+}
+
+#[test]
+fn a_policy_learns_through_an_encoder_from_a_file_and_acts_when_it_is_exported() {
+    let place = tempfile::tempdir().expect("a temporary folder");
+    let encoder = frozen_encoder(place.path(), EngineChoice::Auto);
+    let levels = [("one", 180), ("two", 200), ("three", 220), ("four", 240)];
+    let shown = levels.map(|(id, level)| coloured(id, level)).to_vec();
+    let set = [DemonstrationSet::new("toy", shown).expect("they agree")];
+    let mut config = BaselineConfig::of(BaselineMethod::Mvp, Preset::Tiny);
+    config.steps = 80;
+    config.dropout = 0.0;
+    config.optimiser.learning_rate = 2e-2;
+    let run = RunFolder::open(&place.path().join("run")).expect("a folder of its own");
+    let mut losses = Losses::default();
+    let report = train_baseline(&set, &config, Some(&encoder), &run, &mut losses);
+    let report = report.expect("a training");
+    let (first, last) = (losses.0[0], losses.0[losses.0.len() - 1]);
+    assert!(last < 0.7 * first, "from {first} to {last}");
+
+    let folder = write(&report.baseline);
+    let given = std::fs::read(place.path().join("colours.onnx")).expect("the file");
+    let kept = std::fs::read(folder.path().join(ENCODER_FILE)).expect("the encoder");
+    assert_eq!(kept, given, "the encoder is not changed");
+    let data = Dataset::new(&set).expect("a set that agrees with itself");
+    let untrained = TrainedBaseline::untrained(&data, &config, Some(&encoder));
+    let untrained = write(&untrained.expect("a configuration that fits"));
+    let policy = |folder: &TempDir| std::fs::read(folder.path().join(POLICY_FILE)).expect("it");
+    assert_ne!(policy(&folder), policy(&untrained));
+
+    let baseline = Baseline::load(folder.path(), EngineChoice::Auto).expect("just exported");
+    let unseen = coloured("five", 210);
+    let states: Vec<State> = (0..12).map(|step| unseen.state(step, 1)).collect();
+    let latents = baseline.encode(&states).expect("they fit");
+    for right in 0..3 {
+        let now = Latents::from_values(latents.dim(), latents.row(right).to_vec());
+        let found = baseline.act(&now, latents.row(11)).expect("it fits");
+        let head = &found.heads[0];
+        assert!(head.iter().all(|p| *p <= head[right]), "{right}: {head:?}");
     }
 }
 
