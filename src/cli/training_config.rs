@@ -12,7 +12,7 @@ use super::arguments::TrainArguments;
 use super::error::CliError;
 use super::kept::keep;
 use super::revision::revision;
-use crate::model::BaselineMethod;
+use crate::model::{BaselineMethod, FeatureEncoder, sha256_hex};
 use crate::storage::{nearest, read_values};
 use crate::training::{BaselineConfig, NetworkVariant, Preset, TrainingConfig, training_device};
 use crate::trajectory::DemonstrationSet;
@@ -194,6 +194,28 @@ struct RunRecord<'a> {
     seed: u64,
     device: String,
     demonstrations: &'a BTreeMap<String, String>,
+    /// Of MVP alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    frozen_encoder: Option<EncoderRecord>,
+}
+
+/// The encoder that a training was given.
+#[derive(Serialize)]
+pub(super) struct EncoderRecord {
+    /// The name of its file.
+    file: String,
+    sha256: String,
+}
+
+impl EncoderRecord {
+    /// The record of an encoder that was loaded from a file.
+    pub(super) fn new(path: &Path, encoder: &dyn FeatureEncoder) -> Self {
+        let name = path.file_name().unwrap_or(path.as_os_str());
+        Self {
+            file: name.to_string_lossy().into_owned(),
+            sha256: sha256_hex(encoder.file()),
+        }
+    }
 }
 
 /// Keeps the configuration of a training in its run folder, and with which version of the program and on
@@ -204,12 +226,24 @@ pub(super) fn write_run(
     seed: u64,
     digests: &BTreeMap<String, String>,
 ) -> Result<(), CliError> {
+    write_run_with(run_folder, config, seed, digests, None)
+}
+
+/// The same of a training that was given an encoder, which is named beside the demonstrations.
+pub(super) fn write_run_with(
+    run_folder: &Path,
+    config: &impl Serialize,
+    seed: u64,
+    digests: &BTreeMap<String, String>,
+    frozen_encoder: Option<EncoderRecord>,
+) -> Result<(), CliError> {
     let record = RunRecord {
         version: env!("CARGO_PKG_VERSION"),
         commit: revision(Path::new(".")),
         seed,
         device: format!("{:?}", training_device()),
         demonstrations: digests,
+        frozen_encoder,
     };
     keep(&run_folder.join(CONFIG), config)?;
     keep(&run_folder.join(RECORD), &record)

@@ -12,6 +12,8 @@ mod diagnostics;
 #[cfg(feature = "cli")]
 mod experiments;
 #[cfg(feature = "cli")]
+mod frozen_encoder;
+#[cfg(feature = "cli")]
 mod language;
 #[cfg(feature = "cli")]
 mod schemas;

@@ -87,6 +87,7 @@ fn a_run_folder_is_enough_to_repeat_its_training() {
     assert_eq!(record["version"], env!("CARGO_PKG_VERSION"));
     let digest = record["demonstrations"]["wine"].as_str().map(str::len);
     assert_eq!(digest, Some(64));
+    assert!(record.get("frozen_encoder").is_none(), "{record}");
     train(
         &at("other"),
         &at("run3"),
