@@ -124,6 +124,27 @@ pub enum StorageError {
         /// Seconds since the first step.
         at_secs: f64,
     },
+    /// A camera has one size in one recording of a task and another in another one.
+    #[error(
+        "{recording}: camera '{camera}' gives {}x{}, and {height}x{width} in {first}, which is of the same task '{task}': \
+         resize both by 'image_size: {{height: {height}, width: {width}}}' in a mapping file that names them, or by \
+         --image-size {height}x{width}, or leave one of them out",
+        size.0, size.1, height = first_size.0, width = first_size.1
+    )]
+    SizesDiffer {
+        /// The task.
+        task: String,
+        /// The camera's name.
+        camera: String,
+        /// The first recording of the task.
+        first: String,
+        /// Rows and columns in the first.
+        first_size: (u32, u32),
+        /// The recording that differs.
+        recording: String,
+        /// Rows and columns in this one.
+        size: (u32, u32),
+    },
     /// All actions have one log time.
     #[error(
         "{path}: all {messages} messages of {topic} have the log time {secs} s, so that nothing tells which image \

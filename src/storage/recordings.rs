@@ -2,6 +2,7 @@
 
 mod names;
 mod search;
+mod sizes;
 mod source;
 
 use std::collections::BTreeMap;
@@ -21,6 +22,7 @@ use crate::trajectory::{Binning, DemonstrationSet};
 pub(super) use names::slug;
 use names::{unique_ids, words};
 use search::Search;
+use sizes::check_sizes;
 use source::{Container, Source};
 
 /// The recordings among some paths, found but not read.
@@ -152,8 +154,8 @@ impl Recordings {
     ///
     /// # Errors
     /// [`StorageError`] of the first recording in order that cannot be read; [`StorageError::NoSuchTask`];
-    /// [`StorageError::NoDemonstrations`] when every recording was left out; [`StorageError::Set`] when
-    /// cameras or action spaces differ.
+    /// [`StorageError::NoDemonstrations`] when every recording was left out; [`StorageError::SizesDiffer`] when a
+    /// camera has several sizes; [`StorageError::Set`] when cameras or action spaces differ.
     pub fn demonstrations(
         &self,
         task: &str,
@@ -210,6 +212,7 @@ impl Recordings {
                 })),
             });
         }
+        check_sizes(task, &trajectories, &reports)?;
         let set =
             DemonstrationSet::new(task, trajectories).map_err(|source| StorageError::Set {
                 task: task.to_owned(),

@@ -14,7 +14,7 @@ use catena::storage::{ReadOptions, Recordings, StorageError};
 
 use self::datasets::{DATA, dataset, version_two, with_video};
 use self::mappings::mapping;
-use self::recordings::{lying_png, raw_bytes, with_image};
+use self::recordings::{lying_png, of_two_sizes, raw_bytes, with_image};
 use super::command::{path, text};
 
 /// Far beyond what a case takes; a hang would take forever.
@@ -58,6 +58,23 @@ fn every_case_names_file_place_and_way_out() {
     settings.set_prepend_module_to_snapshot(false);
     settings.set_omit_expression(true);
     settings.bind(|| insta::assert_snapshot!("cases", table));
+}
+
+#[test]
+fn recordings_of_two_sizes_are_read_in_the_one_that_is_asked_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let task = of_two_sizes(folder.path());
+    let mapping = folder.path().join("cup.yaml");
+    let keys = "recordings: cup\nimage_size: {height: 4, width: 6}\n";
+    fs::write(&mapping, keys).expect("written");
+    assert_eq!(read(&mapping).expect("one size"), 2);
+    let options = ReadOptions {
+        image_size: Some("4x6".parse().expect("a size")),
+        ..ReadOptions::default()
+    };
+    let recordings = Recordings::open(&[task], &options).expect("recordings");
+    let (set, _) = recordings.demonstrations("cup").expect("one size");
+    assert_eq!(set.step_count(), 2);
 }
 
 /// Sizes that lie must not be believed: the command reads them with two gigabytes of address space.

@@ -76,6 +76,18 @@ fn with_action(folder: &Path, action: &str) -> PathBuf {
     mcap(&folder.join("demo.mcap"), &messages)
 }
 
+/// Two recordings of one task, of which the second has smaller images.
+pub(super) fn of_two_sizes(folder: &Path) -> PathBuf {
+    let task = folder.join("cup");
+    fs::create_dir(&task).expect("a folder");
+    for (name, height, width) in [("a.mcap", 4, 6), ("b.mcap", 2, 3)] {
+        let image = (IMAGES, 1, image_message(&png(height, width)));
+        let messages = [image, told(2, r#"{"values": [1]}"#)];
+        mcap(&task.join(name), &messages);
+    }
+    task
+}
+
 pub(super) fn with_image(folder: &Path, bytes: &[u8]) -> PathBuf {
     let image = (IMAGES, 0, image_message(bytes));
     mcap(
@@ -164,6 +176,7 @@ pub(super) const CASES: &[Case] = &[
         let act = |t| told(t, r#"{"values": [1]}"#);
         mcap(&f.join("demo.mcap"), &[shown(1), act(2), small, act(101)])
     }),
+    ("images of two sizes in two recordings", of_two_sizes),
     ("images in an unknown packing", |f| {
         let message = (
             ("/camera/head", "sensor_msgs/msg/Image", "ros1"),
