@@ -8,6 +8,7 @@ use super::cdr;
 use super::decode::without_compression;
 use super::messages::{JointState, MultiArray, Twist, TwistStamped};
 use crate::trajectory::{Action, ActionSpace};
+use crate::wording::counted;
 
 /// How actions are packed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -176,7 +177,11 @@ pub(super) fn action(space: &ActionSpace, message: ActionMessage) -> Result<Acti
     match (space, message) {
         (ActionSpace::Primitives { names }, ActionMessage::Primitive { index, name }) => {
             match (names.get(index), name) {
-                (None, _) => Err(format!("primitive {index} of only {}", names.len())),
+                (None, _) => Err(format!(
+                    "its index is {index}, but the recording has {}, counted from 0: record it again with all primitives \
+                     in its action space, or leave the recording out",
+                    counted(names.len(), "primitive")
+                )),
                 (Some(known), Some(name)) if *known != name => Err(format!(
                     "primitive {index} is called '{name}' here and '{known}' in the action space"
                 )),
@@ -290,6 +295,15 @@ mod tests {
             action(&primitives, wrong_name)
                 .unwrap_err()
                 .contains("'back'")
+        );
+        let beyond = ActionMessage::Primitive {
+            index: 7,
+            name: None,
+        };
+        let said = action(&primitives, beyond).unwrap_err();
+        assert!(
+            said.contains("index is 7") && said.contains("has 1 primitive,"),
+            "{said}"
         );
     }
 

@@ -394,6 +394,7 @@ fn labelled(
 mod tests {
     use super::*;
     use crate::training::synthetic;
+    use crate::trajectory::Action;
 
     #[test]
     fn one_demonstration_is_refused() {
@@ -403,6 +404,23 @@ mod tests {
             error,
             TrainingError::TooFewDemonstrations { found: 1 }
         ));
+    }
+
+    #[test]
+    fn a_primitive_that_there_is_not_is_told_with_its_trajectory_and_step() {
+        let shown = synthetic::demonstrations("a", 2, 8, 3);
+        let mut trajectories = shown.trajectories().to_vec();
+        trajectories[1].steps[5].action = Action::Primitive(9);
+        let sets = [DemonstrationSet::new("a", trajectories).unwrap()];
+        let message = Dataset::new(&sets).unwrap_err().to_string();
+        for part in [
+            "trajectory 'a_1', step 5",
+            "primitive 9",
+            "4 primitives",
+            "not below 4",
+        ] {
+            assert!(message.contains(part), "{part} is not in {message}");
+        }
     }
 
     #[test]

@@ -168,7 +168,7 @@ impl ActionSpace {
                 Ok(vec![*index])
             }
             (Self::Primitives { names }, Action::Primitive(index)) => Err(misfit(format!(
-                "index {index} is not below {}",
+                "its index {index} is not below {}; give the space that it was recorded with",
                 names.len()
             ))),
             (Self::Binned { dimensions }, Action::Continuous(values)) => {

@@ -15,7 +15,22 @@ const ACTIONS: (&str, &str, &str) = ("/action", "any.Action", "json");
 type Message = ((&'static str, &'static str, &'static str), u64, Vec<u8>);
 
 fn mcap(path: &Path, messages: &[Message]) -> PathBuf {
+    mcap_saying(path, &[], messages)
+}
+
+/// A recording with these pairs in the record of ours.
+fn mcap_saying(path: &Path, said: &[(&str, &str)], messages: &[Message]) -> PathBuf {
     let mut writer = mcap::Writer::new(File::create(path).expect("a file")).expect("a writer");
+    if !said.is_empty() {
+        let pairs = said.iter();
+        let record = mcap::records::Metadata {
+            name: "catena".to_owned(),
+            metadata: pairs
+                .map(|(key, value)| ((*key).to_owned(), (*value).to_owned()))
+                .collect(),
+        };
+        writer.write_metadata(&record).expect("a record");
+    }
     let mut channels = BTreeMap::new();
     for ((topic, type_name, encoding), log_time, data) in messages {
         let channel_id = *channels.entry(*topic).or_insert_with(|| {
@@ -74,6 +89,16 @@ fn with_action(folder: &Path, action: &str) -> PathBuf {
     let mut messages: Vec<Message> = (0..4).flat_map(good).collect();
     messages.push(told(401, action));
     mcap(&folder.join("demo.mcap"), &messages)
+}
+
+/// A recording that declares two primitives, with this one done last.
+fn with_primitive(folder: &Path, index: usize) -> PathBuf {
+    let space = r#"{"kind": "primitives", "names": ["left", "right"]}"#;
+    let last = format!(r#"{{"index": {index}}}"#);
+    let mut messages = vec![shown(0), told(1, r#"{"index": 1}"#)];
+    messages.extend([shown(100), told(101, &last)]);
+    let path = folder.join("demo.mcap");
+    mcap_saying(&path, &[("action_space", space)], &messages)
 }
 
 /// Two recordings of one task, of which the second has smaller images.
@@ -166,6 +191,9 @@ pub(super) const CASES: &[Case] = &[
     }),
     ("primitive among values", |f| {
         with_action(f, r#"{"index": 3}"#)
+    }),
+    ("primitive that the recording does not have", |f| {
+        with_primitive(f, 9)
     }),
     ("image is no picture", |f| with_image(f, b"not a picture")),
     ("image claims 16383x16383 pixels", |f| {
