@@ -3,6 +3,7 @@
 //! The lowest room of the house: it knows neither files nor networks.
 
 mod action;
+mod beyond;
 mod binning;
 mod compared;
 mod demonstration;

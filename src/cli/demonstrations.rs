@@ -9,8 +9,8 @@ use super::error::CliError;
 use super::loaded::in_folder;
 use crate::inference::Model;
 use crate::storage::{ReadOptions, RecordingReport, Recordings, load_manifest};
-use crate::trajectory::{ActionSpace, CameraSpec, DemonstrationSet};
-use crate::wording::listed;
+use crate::trajectory::{ActionSpace, Binning, CameraSpec, DemonstrationSet, Trajectory};
+use crate::wording::{counted, listed};
 
 /// How recordings are to be read.
 pub(super) fn read_options(arguments: &ReadArguments) -> ReadOptions {
@@ -31,6 +31,9 @@ pub(super) fn read_demonstrations(
 ) -> Result<ReadSet, CliError> {
     let read = recordings.demonstrations(task)?;
     warn(task, &read.1);
+    for note in values_beyond(&read.0, &recordings.binning(1)) {
+        eprintln!("note: {note}");
+    }
     Ok(read)
 }
 
@@ -59,6 +62,25 @@ fn warn(task: &str, reports: &[RecordingReport]) {
             "warning: the recordings of '{task}' call their task {told}; all of them are taken as one task"
         );
     }
+}
+
+/// Which values of continuous actions lie beyond the ranges that a mapping file gives, once for all recordings.
+fn values_beyond(set: &DemonstrationSet, binning: &Binning) -> Vec<String> {
+    let among = |trajectories: &[Trajectory]| {
+        let steps = trajectories.iter().flat_map(|t| &t.steps);
+        binning.beyond(set.action_space(), steps.map(|s| &s.action))
+    };
+    let all = among(set.trajectories());
+    let notes = all.iter().map(|beyond| {
+        let has_some = |t: &&Trajectory| {
+            let own = among(std::slice::from_ref(*t));
+            own.iter().any(|own| own.dimension == beyond.dimension)
+        };
+        let recordings = set.trajectories().iter().filter(has_some).count();
+        let recordings = counted(recordings, "recording");
+        format!("in {recordings} of '{}': {beyond}", set.task())
+    });
+    notes.collect()
 }
 
 /// What is there and not used, such as depth cameras, once for all recordings.
@@ -147,7 +169,7 @@ pub(super) fn in_model_space(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trajectory::{Action, ActionDimension, Image, Observation, Step, Trajectory};
+    use crate::trajectory::{Action, ActionDimension, DimensionBinning, Image, Observation, Step};
 
     /// One demonstration of one step, seen by the camera `head`, with actions of these names.
     fn recorded(names: &[&str]) -> DemonstrationSet {
@@ -166,6 +188,26 @@ mod tests {
             markers: Vec::new(),
         };
         DemonstrationSet::new("cup", vec![trajectory]).expect("one trajectory")
+    }
+
+    #[test]
+    fn values_beyond_a_given_range_are_told_once_for_all_recordings() {
+        let one = recorded(&["x", "y"]).trajectories()[0].clone();
+        let set = DemonstrationSet::new("cup", vec![one.clone(), one]).expect("two alike");
+        let mut binning = Binning::uniform(3);
+        assert!(values_beyond(&set, &binning).is_empty());
+        let range = DimensionBinning {
+            low: Some(0.5),
+            ..DimensionBinning::uniform(3)
+        };
+        binning.dimensions.insert("x".to_owned(), range);
+        assert_eq!(
+            values_beyond(&set, &binning),
+            [
+                "in 2 recordings of 'cup': 2 of 2 values of 'x' beyond the range that is given (below 0.5), and so in \
+                 its outermost bins"
+            ]
+        );
     }
 
     #[test]

@@ -263,6 +263,22 @@ impl<'a> Layout<'a> {
             .collect()
     }
 
+    /// Which values of the actions lie beyond the ranges that the mapping file gives.
+    pub fn values_beyond(&self, path: &Path, steps: Option<&Steps>) -> Vec<String> {
+        let (Some(topic), Some(steps)) = (&self.actions, steps) else {
+            return Vec::new();
+        };
+        if self.view.mapping.is_none() {
+            return Vec::new();
+        }
+        // An action that cannot be understood is told when the recording is read.
+        let actions = topic.actions(path);
+        actions.map_or_else(
+            |_| Vec::new(),
+            |actions| steps.values_beyond(self.view, &actions, self.unseen(steps)),
+        )
+    }
+
     /// The markers, each at the first step at or after it.
     pub fn markers(scan: &Scan, step_times: &[u64]) -> Vec<Marker> {
         scan.markers()

@@ -41,7 +41,8 @@ pub struct RecordingReport {
     pub losses: Vec<Loss>,
     /// What is there and not used, each with its reason.
     pub notes: Vec<String>,
-    /// How steps were chosen and aligned where that is not plain.
+    /// How steps were chosen and aligned where that is not plain, and which values of actions lie beyond the ranges that
+    /// a mapping file gives.
     pub remarks: Vec<String>,
     /// Why the recording was left out of a set of demonstrations; `None` where it was not.
     pub left_out: Option<String>,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::film::Film;
 use super::mapping::ActionShape;
 use super::scan::seconds_between;
-use super::view::typical_rate_hz;
+use super::view::{View, typical_rate_hz};
 use super::{RecordingReport, StorageError};
 use crate::trajectory::{Action, Observation, Step};
 
@@ -48,6 +48,19 @@ impl Steps {
             }
         }
         remarks
+    }
+
+    /// Which values of the actions of the steps from the given one on lie beyond the ranges that a mapping file gives.
+    pub fn values_beyond(&self, view: &View, all: &[Action], first: usize) -> Vec<String> {
+        let Some(mapping) = &view.mapping else {
+            return Vec::new();
+        };
+        // What makes no action is told when the recording is read.
+        let Ok(actions) = self.actions(Path::new(""), all, first) else {
+            return Vec::new();
+        };
+        let beyond = mapping.binning(1).beyond(&self.shape.space, actions.iter());
+        beyond.iter().map(ToString::to_string).collect()
     }
 
     /// The action of each step from the given one on.

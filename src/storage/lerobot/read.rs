@@ -123,6 +123,8 @@ impl Frames<'_> {
             bytes: 0,
             rate_hz: info.fps,
         });
+        let mut remarks = steps.remarks(std::iter::empty());
+        remarks.extend(steps.values_beyond(view, &self.actions, 0));
         let ends = self.times.first().zip(self.times.last());
         RecordingReport {
             path: self.dataset.root.clone(),
@@ -143,7 +145,7 @@ impl Frames<'_> {
             metadata,
             losses: self.losses.clone(),
             notes: cameras.left_out.clone(),
-            remarks: steps.remarks(std::iter::empty()),
+            remarks,
             left_out: None,
         }
     }

@@ -248,6 +248,27 @@ fn topics_of_texts_that_say_nothing_are_told() {
 }
 
 #[test]
+fn values_beyond_the_range_of_a_mapping_file_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let times = [0, 100, 200, 300, 400, 500];
+    write(&folder.path().join("arm.mcap"), &times[1..], &times);
+    let told = |keys: &str| {
+        let recording = read(folder.path(), keys, &ReadOptions::default());
+        recording.report.remarks
+    };
+    let dimension = "actions: {dimensions: {action_0: {low: 1, high: 3}}}";
+    assert_eq!(
+        told(dimension),
+        [
+            "2 of 5 values of 'action_0' beyond the range that is given (below 1 or above 3), and so in its outermost \
+             bins"
+        ]
+    );
+    let wide = "actions: {dimensions: {action_0: {low: 0, high: 5}}}";
+    assert!(told(wide).is_empty());
+}
+
+#[test]
 fn the_task_of_a_mapping_file_stands_before_that_of_the_recording() {
     let folder = tempfile::tempdir().unwrap();
     let times = [0, 100, 200];
