@@ -11,7 +11,8 @@ use crate::trajectory::TrajectoryError;
 pub enum TrainingError {
     /// Fewer than two demonstrations: none could be held out.
     #[error(
-        "training needs at least 2 demonstrations, one of them held out for validation; {found} given"
+        "training needs at least 2 demonstrations, one of them held out for validation, but \
+         has {found}: record more, or name more recordings"
     )]
     TooFewDemonstrations {
         /// How many there are.

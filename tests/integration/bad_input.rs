@@ -15,7 +15,7 @@ use catena::storage::{ReadOptions, Recordings, StorageError};
 use self::datasets::{DATA, dataset, version_two, with_video};
 use self::mappings::mapping;
 use self::recordings::{lying_png, of_two_sizes, raw_bytes, with_image};
-use super::command::{path, text};
+use super::command::{catena, path, root, text};
 
 /// Far beyond what a case takes; a hang would take forever.
 const MAX_TIME: Duration = Duration::from_secs(20);
@@ -75,6 +75,24 @@ fn recordings_of_two_sizes_are_read_in_the_one_that_is_asked_for() {
     let recordings = Recordings::open(&[task], &options).expect("recordings");
     let (set, _) = recordings.demonstrations("cup").expect("one size");
     assert_eq!(set.step_count(), 2);
+}
+
+#[test]
+fn one_demonstration_alone_is_not_trained_on() {
+    let demo = root().join("tests/data/bridge/put_carrot_on_plate/episode_00.mcap");
+    for method in ["ours", "bc"] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join("model");
+        let words = ["train", path(&demo), "--method", method, "--preset", "tiny"];
+        let output = catena(&[&words[..], &["--out", path(&out)]].concat());
+        assert_eq!(output.status.code(), Some(1), "{method}");
+        assert_eq!(
+            text(&output.stderr),
+            "error: training needs at least 2 demonstrations, one of them held out for validation, but has 1: \
+             record more, or name more recordings\n"
+        );
+        assert!(!out.exists(), "{method}");
+    }
 }
 
 /// Sizes that lie must not be believed: the command reads them with two gigabytes of address space.
