@@ -2,6 +2,7 @@
 
 mod arrows;
 mod automaton;
+mod bars;
 mod canvas;
 mod curves;
 mod edges;
@@ -11,6 +12,7 @@ mod orders;
 mod rates;
 mod route;
 mod subgoals;
+mod times;
 
 use std::path::Path;
 
@@ -18,6 +20,7 @@ pub use automaton::{automaton_svg, write_automaton_svg};
 use canvas::Canvas;
 pub use curves::{Panel, curves_svg, write_curves_svg};
 pub use rates::{Rate, rates_svg, write_rates_svg};
+pub use times::{Timing, times_svg, write_times_svg};
 
 use super::layout::{Frame, GraphLayout, least_width};
 use super::{ViewError, file};

@@ -1,5 +1,7 @@
 //! Table II: time that a step takes.
 
+mod plot;
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -159,6 +161,7 @@ fn draw(out: &Path, demonstrations: &[usize]) -> Result<(), CliError> {
     }
     let table = table(demonstrations, &cells);
     keep_text(&out.join("table.md"), table.as_bytes())?;
+    plot::draw(out, &rows(&TABLE_1, demonstrations), &cells)?;
     println!("\n{table}\nin {}", out.display());
     Ok(())
 }
@@ -238,6 +241,34 @@ mod tests {
         draw(place.path(), &[10, 30]).unwrap();
         let table = std::fs::read_to_string(place.path().join("table.md")).unwrap();
         assert_eq!(table.matches("**4.2** (9.0)").count(), 2, "{table}");
+    }
+
+    #[test]
+    fn the_plot_has_the_cells_that_are_there_and_the_papers_times() {
+        let place = tempfile::tempdir().unwrap();
+        for (method, engine) in [("ours", "native"), ("ours", "embedded"), ("bc", "embedded")] {
+            let file = place.path().join(format!("{method}_30_{engine}.json"));
+            let engine = engine.to_owned();
+            keep(
+                &file,
+                &TimeCell {
+                    engine,
+                    ..cell(method)
+                },
+            )
+            .unwrap();
+        }
+        draw(place.path(), &[10, 30]).unwrap();
+        let svg = std::fs::read_to_string(place.path().join("table2.svg")).unwrap();
+        let count = |text: &str| svg.matches(text).count();
+        assert_eq!(count(">4.2 ms<"), 3, "{svg}");
+        // Those of ours of 10 demonstrations are not measured, so that the paper's time is not told, either.
+        assert_eq!(
+            [count(">32 ms<"), count(">8 ms<"), count(">23 ms<")],
+            [1, 1, 0]
+        );
+        assert_eq!(count(", 30 demonstrations<"), 2);
+        assert_eq!([count(">ONNX Runtime<"), count(">tract<")], [1, 1]);
     }
 
     #[test]

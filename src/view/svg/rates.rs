@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use super::canvas::{Canvas, Type, text_width};
-use crate::view::palette::{self, GREY, INK};
+use super::bars::{self, Bar, TOP, WIDTH};
+use super::canvas::{Canvas, Type};
+use crate::view::palette;
 use crate::view::{ViewError, file};
 
 /// A rate with its interval, both 0..=1.
@@ -21,19 +22,10 @@ pub struct Rate {
     pub published: Option<f64>,
 }
 
-const WIDTH: f32 = 900.0;
-const TOP: f32 = 84.0;
 const ROW: f32 = 44.0;
 const BAR: f32 = 20.0;
-const LABEL_SIZE: f32 = 14.0;
 /// Beyond the bars, for their figures.
 const RIGHT: f32 = 70.0;
-/// From the middle of a published rate's mark to its corners.
-const MARK: f32 = 6.0;
-/// From the end of a bar or of its interval to its figure.
-const BEFORE_FIGURE: f32 = 8.0;
-/// From a mark's corner to a figure beside it, on either side.
-const BESIDE_MARK: f32 = 4.0;
 
 /// Rates as horizontal bars with their intervals and marks at what was published, and a dashed line at a rate to compare with,
 /// as SVG text.
@@ -42,20 +34,11 @@ pub fn rates_svg(rates: &[Rate], title: &str, compared: Option<(&str, f64)>) -> 
     let bottom = TOP + rates.len() as f32 * ROW;
     let mut canvas = Canvas::new(WIDTH, bottom + 64.0);
     canvas.heading(title);
-    let widths = rates.iter().map(|r| text_width(&r.label, LABEL_SIZE));
-    let left = 48.0 + widths.fold(0.0, f32::max);
+    let left = bars::left_of(rates.iter().map(|r| r.label.as_str()));
     let at = |share: f64| left + share as f32 * (WIDTH - RIGHT - left);
     for percent in [0, 20, 40, 60, 80, 100] {
         let x = at(f64::from(percent) / 100.0);
-        canvas.push(format_args!(
-            "<path d=\"M{x:.1} {:.1}V{bottom:.1}\" stroke=\"#e5e7eb\"/>",
-            TOP - 8.0
-        ));
-        let set = Type {
-            anchor: "middle",
-            ..Type::default()
-        };
-        canvas.text(x, bottom + 20.0, set, &format!("{percent} %"));
+        bars::grid_line(&mut canvas, x, bottom, &format!("{percent} %"));
     }
     for (row, rate) in rates.iter().enumerate() {
         bar(&mut canvas, rate, TOP + row as f32 * ROW, left, &at);
@@ -75,71 +58,25 @@ pub fn rates_svg(rates: &[Rate], title: &str, compared: Option<(&str, f64)>) -> 
         canvas.text(x, bottom + 44.0, set, label);
     }
     if rates.iter().any(|rate| rate.published.is_some()) {
-        let y = bottom + 40.0;
-        mark(&mut canvas, left, y);
-        let set = Type {
-            colour: palette::CROSS_TASK,
-            ..Type::default()
-        };
-        canvas.text(left + 14.0, y + 4.0, set, "the paper's robot");
+        bars::mark_told(&mut canvas, left, bottom + 40.0, "the paper's robot");
     }
     canvas.finish()
 }
 
-/// The mark of what was published.
-fn mark(canvas: &mut Canvas, x: f32, y: f32) {
-    canvas.push(format_args!(
-        "<path d=\"M{:.1} {y:.1}l{MARK} {MARK}l{MARK} -{MARK}l-{MARK} -{MARK}z\" fill=\"{}\" stroke=\"#ffffff\" stroke-width=\"1.5\"/>",
-        x - MARK,
-        palette::CROSS_TASK.hex()
-    ));
-}
-
 fn bar(canvas: &mut Canvas, rate: &Rate, top: f32, left: f32, at: &dyn Fn(f64) -> f32) {
     let middle = top + BAR / 2.0 + 4.0;
-    let colour = if rate.stands_out {
-        palette::task(0)
-    } else {
-        palette::task(5)
+    bars::label(canvas, left, middle, &rate.label);
+    let figure = format!("{:.0} %", 100.0 * rate.rate);
+    let bar = Bar {
+        across: [left, at(rate.rate)],
+        middle,
+        height: BAR,
+        whisker: rate.interval.map(at),
+        colour: palette::task(if rate.stands_out { 0 } else { 5 }),
+        figure: &figure,
+        mark: rate.published.map(at),
     };
-    let label = Type {
-        size: LABEL_SIZE,
-        colour: INK,
-        anchor: "end",
-        ..Type::default()
-    };
-    canvas.text(left - 14.0, middle + 5.0, label, &rate.label);
-    canvas.push(format_args!(
-        "<rect x=\"{left:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{BAR}\" rx=\"3\" fill=\"{}\"/>",
-        middle - BAR / 2.0,
-        at(rate.rate) - left,
-        colour.mixed(palette::Rgb(255, 255, 255), 0.35).hex()
-    ));
-    let [low, high] = rate.interval.map(at);
-    canvas.push(format_args!(
-        "<path d=\"M{low:.1} {middle:.1}H{high:.1}M{low:.1} {:.1}v10M{high:.1} {:.1}v10\" stroke=\"{}\" stroke-width=\"1.6\"/>",
-        middle - 5.0,
-        middle - 5.0,
-        GREY.mixed(INK, 0.5).hex()
-    ));
-    let figure = Type {
-        size: LABEL_SIZE,
-        weight: 600,
-        colour: INK,
-        ..Type::default()
-    };
-    let published = rate.published.map(at);
-    if let Some(x) = published {
-        mark(canvas, x, middle);
-    }
-    let text = format!("{:.0} %", 100.0 * rate.rate);
-    let end = high.max(at(rate.rate));
-    // A mark just behind the bar would lie on its figure.
-    let start = end + BEFORE_FIGURE;
-    let room = end..start + text_width(&text, LABEL_SIZE) + MARK + BESIDE_MARK;
-    let beside = published.filter(|mark| room.contains(mark));
-    let x = beside.map_or(start, |mark| mark + MARK + BESIDE_MARK);
-    canvas.text(x, middle + 5.0, figure, &text);
+    bar.paint(canvas);
 }
 
 /// Writes [`rates_svg`] to a file, which is there as a whole or not at all.
@@ -157,6 +94,8 @@ pub fn write_rates_svg(
 
 #[cfg(test)]
 mod tests {
+    use super::super::bars::{LABEL_SIZE, MARK};
+    use super::super::canvas::text_width;
     use super::*;
 
     #[test]
