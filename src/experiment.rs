@@ -36,7 +36,7 @@ pub use edge_trust::{EdgeTrust, EdgeTrustInput};
 pub use error::ExperimentError;
 pub use evaluation::{EpisodeResult, Evaluation, SubgoalTally};
 pub use graph_truth::{EdgeTally, FalseEdges};
-pub use interval::wilson_interval_95;
+pub use interval::{mean_interval_95, wilson_interval_95};
 pub use localisation::{LocalisationError, LocalisationScore};
 pub use loss_curve::{LossCurve, LossPoint, losses_table, of_common_seeds};
 pub use rate_cell::{

@@ -3,6 +3,8 @@ use std::fmt::Write as _;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::mean_interval_95;
+
 /// Validation losses of one training: a small file that is kept, as [`RateCell`](super::RateCell) is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LossCurve {
@@ -96,7 +98,8 @@ impl LossCurve {
 
 /// A Markdown table of the least validation losses: a row a method of `rows` (`(method, what it is for people)`), means over
 /// its seeds with the least and the largest, and how much higher they are than those of the first row on the seeds that both have.
-/// The seed also draws which demonstrations are held out, so that losses of different seeds are of different ones.
+/// The seed also draws which demonstrations are held out, so that losses of different seeds are of different ones. From three
+/// seeds on a difference has the 95 % interval of its mean over the seeds ([`mean_interval_95`]), and a line below says so.
 #[must_use]
 pub fn losses_table(curves: &[LossCurve], rows: &[(&str, &str)]) -> String {
     let mut table = String::from(
@@ -127,8 +130,19 @@ pub fn losses_table(curves: &[LossCurve], rows: &[(&str, &str)]) -> String {
             losses(&of_row, beside, |least| least.1)
         );
     }
+    if table.contains(INTERVAL) {
+        let _ = writeln!(
+            table,
+            "\n{INTERVAL}: the 95 % interval of the mean difference over the seeds that both have (Student's t)"
+        );
+    }
     table
 }
+
+/// Fewer seeds than this say little of how much a difference varies.
+const LEAST_SEEDS: usize = 3;
+/// How an interval is told.
+const INTERVAL: &str = "95 %";
 
 /// The least losses of some curves, and how much higher they are than those of others of the same seeds, as two cells.
 fn losses(of_row: &[&LossCurve], others: &[&LossCurve], of: fn((f64, f64)) -> f64) -> String {
@@ -143,10 +157,25 @@ fn losses(of_row: &[&LossCurve], others: &[&LossCurve], of: fn((f64, f64)) -> f6
     let plain = |value: f64| format!("{value:.3}");
     let signed = |value: f64| format!("{value:+.3}");
     format!(
-        "{} | {}",
+        "{} | {}{}",
         mean_and_range(&values, plain),
-        mean_and_range(&differences, signed)
+        mean_and_range(&differences, signed),
+        interval(&differences, signed)
     )
+}
+
+/// The 95 % interval of the mean of values, where they are not too few.
+fn interval(values: &[f64], print: impl Fn(f64) -> String) -> String {
+    if values.len() < LEAST_SEEDS {
+        return String::new();
+    }
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
+    let interval = mean_interval_95(mean, variance.sqrt(), values.len());
+    interval.map_or_else(String::new, |[low, high]| {
+        format!("; {INTERVAL} {} to {}", print(low), print(high))
+    })
 }
 
 /// The mean, and from where to where values reach if there are several.
@@ -237,6 +266,7 @@ mod tests {
                 "| no curve | | 0 | not measured | | not measured | |"
             ]
         );
+        assert!(!table.contains("95 %"), "two seeds are too few");
         let common = of_common_seeds(&curves);
         assert_eq!(
             common
@@ -247,5 +277,34 @@ mod tests {
         );
         let mean = LossCurve::mean(&[&curves[0], &curves[1]]);
         assert!((mean[1].traversability - 1.75).abs() < 1e-12 && mean[1].step == 10);
+    }
+
+    #[test]
+    fn from_three_seeds_on_a_difference_has_its_interval() {
+        let siamese = |seed: u64, losses: &[(f64, f64)]| LossCurve {
+            method: "siamese".to_owned(),
+            ..curve(seed, losses)
+        };
+        // Differences of 1, 2 and 3: 2 ± 4.303 / √3. The fourth seed has no other to compare with.
+        let curves = [
+            curve(1, &[(1.0, 1.0)]),
+            curve(2, &[(5.0, 1.0)]),
+            curve(3, &[(2.0, 1.0)]),
+            siamese(1, &[(2.0, 1.0)]),
+            siamese(2, &[(7.0, 1.0)]),
+            siamese(3, &[(5.0, 1.0)]),
+            siamese(4, &[(6.0, 1.0)]),
+        ];
+        let table = losses_table(&curves, &[("ours", "latent flow"), ("siamese", "Siamese")]);
+        let lines: Vec<&str> = table.lines().collect();
+        assert_eq!(
+            lines[2..4],
+            [
+                "| latent flow | 7 | 3 | **2.667** 1.000 to 5.000 |  | **1.000** 1.000 to 1.000 |  |",
+                "| Siamese | 7 | 4 | **5.000** 2.000 to 7.000 | **+2.000** +1.000 to +3.000; 95 % -0.484 to +4.484 \
+                 | **1.000** 1.000 to 1.000 | **+0.000** +0.000 to +0.000; 95 % +0.000 to +0.000 |"
+            ]
+        );
+        assert!(lines[5].starts_with("95 %: the 95 % interval"), "{table}");
     }
 }

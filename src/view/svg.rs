@@ -18,7 +18,7 @@ use std::path::Path;
 
 pub use automaton::{automaton_svg, write_automaton_svg};
 use canvas::Canvas;
-pub use curves::{Panel, curves_svg, write_curves_svg};
+pub use curves::{Curve, Panel, curves_svg, write_curves_svg};
 pub use rates::{Rate, rates_svg, write_rates_svg};
 pub use times::{Timing, times_svg, write_times_svg};
 

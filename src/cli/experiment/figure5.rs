@@ -14,7 +14,7 @@ use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::cli::recipe::{Ingredient, Recipe};
 use crate::experiment::{LossCurve, LossPoint, losses_table, of_common_seeds};
 use crate::training::TrainedModel;
-use crate::view::{Panel, write_curves_svg};
+use crate::view::{Curve, Panel, write_curves_svg};
 
 const NAME: &str = "fig5";
 const DEMONSTRATIONS: usize = 20;
@@ -128,32 +128,46 @@ fn draw(out: &Path, size: &Size) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The means over the seeds that all methods have: other seeds hold out other demonstrations.
+/// The means over the seeds that all methods have, and each of these behind them: other seeds hold out other demonstrations.
 fn plot(out: &Path, curves: &[&LossCurve], size: &Size) -> Result<(), CliError> {
     let panel = |label: &str, value: fn(&LossPoint) -> f64| Panel {
         label: label.to_owned(),
-        lines: TABLE_3
-            .iter()
-            .filter_map(|method| {
-                let of_row = curves.iter().copied().filter(|c| c.method == method.name);
-                let of_row: Vec<&LossCurve> = of_row.collect();
-                let mean = LossCurve::mean(&of_row);
-                let points = mean.iter().map(|p| [p.step as f64, value(p)]).collect();
-                (!of_row.is_empty()).then(|| (method.described.to_owned(), points))
-            })
+        lines: (TABLE_3.iter())
+            .filter_map(|method| line(method, curves, value))
             .collect(),
     };
     let panels = [
         panel("traversability", |p| p.traversability),
         panel("policy", |p| p.policy),
     ];
-    let title = title(curves, size.is_quick);
+    let has_behind = panels[0].lines.iter().any(|line| !line.behind.is_empty());
     Ok(write_curves_svg(
         &out.join("fig5.svg"),
         &panels,
-        &title,
+        &title(curves, size.is_quick),
         "optimiser steps",
+        has_behind.then_some("thin: each seed"),
     )?)
+}
+
+/// The mean of a method's curves with each of them behind it; none for a method without any.
+fn line(method: &Method, curves: &[&LossCurve], value: fn(&LossPoint) -> f64) -> Option<Curve> {
+    let of_method = curves.iter().copied().filter(|c| c.method == method.name);
+    let of_method: Vec<&LossCurve> = of_method.collect();
+    let points = |points: &[LossPoint]| -> Vec<[f64; 2]> {
+        points.iter().map(|p| [p.step as f64, value(p)]).collect()
+    };
+    // One curve is its own mean.
+    let behind = match &of_method[..] {
+        [] => return None,
+        [_] => &[][..],
+        several => several,
+    };
+    Some(Curve {
+        name: method.described.to_owned(),
+        points: points(&LossCurve::mean(&of_method)),
+        behind: behind.iter().map(|curve| points(&curve.points)).collect(),
+    })
 }
 
 fn title(curves: &[&LossCurve], is_quick: bool) -> String {
@@ -185,5 +199,45 @@ mod tests {
         }
         let seeds = measured(folder.path(), "ours").unwrap();
         assert_eq!(seeds.into_iter().collect::<Vec<_>>(), [1, 20_261_130]);
+    }
+
+    fn curve(seed: u64, losses: [f64; 2]) -> LossCurve {
+        let point = |(step, policy): (u64, f64)| LossPoint {
+            step,
+            traversability: policy / 2.0,
+            policy,
+        };
+        LossCurve {
+            method: TABLE_3[0].name.to_owned(),
+            demonstrations: 20,
+            seed,
+            weights: 7,
+            digest: String::new(),
+            commands: Vec::new(),
+            commit: None,
+            is_quick: false,
+            config: serde_json::Value::Null,
+            points: [(10, losses[0]), (20, losses[1])].map(point).to_vec(),
+        }
+    }
+
+    #[test]
+    fn each_seed_is_drawn_behind_the_mean_of_several() {
+        let seeds = [curve(1, [3.0, 1.0]), curve(2, [5.0, 2.0])];
+        let [first, second] = &seeds;
+        let drawn = |curves: &[&LossCurve]| line(&TABLE_3[0], curves, |p| p.policy);
+        let both = drawn(&[first, second]).unwrap();
+        assert_eq!(both.points, [[10.0, 4.0], [20.0, 1.5]]);
+        assert_eq!(
+            both.behind,
+            [
+                vec![[10.0, 3.0], [20.0, 1.0]],
+                vec![[10.0, 5.0], [20.0, 2.0]]
+            ]
+        );
+        let alone = drawn(&[first]).unwrap();
+        assert_eq!(alone.points, [[10.0, 3.0], [20.0, 1.0]]);
+        assert!(alone.behind.is_empty());
+        assert_eq!(drawn(&[]), None);
     }
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::canvas::{Canvas, Type, text_width};
-use crate::view::palette::{self, INK};
+use crate::view::palette::{self, GREY, INK, Rgb};
 use crate::view::{ViewError, file};
 
 /// A panel of [`curves_svg`].
@@ -11,9 +11,19 @@ use crate::view::{ViewError, file};
 pub struct Panel {
     /// What is drawn upwards.
     pub label: String,
-    /// The lines: names, and points `[x, y]` with rising x. A name has the same colour in every panel if the
-    /// lines have the same order.
-    pub lines: Vec<(String, Vec<[f64; 2]>)>,
+    /// The lines. A name has the same colour in every panel if the lines have the same order.
+    pub lines: Vec<Curve>,
+}
+
+/// A line of a [`Panel`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    /// What it shows.
+    pub name: String,
+    /// Points `[x, y]` with rising x.
+    pub points: Vec<[f64; 2]>,
+    /// Thin lines behind it in its colour, such as those that it is the mean of.
+    pub behind: Vec<Vec<[f64; 2]>>,
 }
 
 const WIDTH: f32 = 460.0;
@@ -25,34 +35,46 @@ const RIGHT: f32 = 20.0;
 const LEGEND_ROW: f32 = 22.0;
 /// Room beside a name in the legend: for its line, and what is left free.
 const LEGEND_FREE: f32 = 64.0;
+/// How thick a line is, and one behind it.
+const THICK: f32 = 2.2;
+const THIN: f32 = 1.0;
 /// Marks along an axis, more or less.
 const MARKS: f64 = 5.0;
 
-/// Panels of lines as SVG text; `across` names the common axis. Upwards, a panel shows what its lines
-/// reach beyond their first points, which are often far off.
+/// Panels of lines as SVG text; `across` names the common axis, `behind` the thin lines behind the others. Upwards, a panel
+/// shows what its lines reach beyond their first points, which are often far off.
 #[must_use]
-pub fn curves_svg(panels: &[Panel], title: &str, across: &str) -> String {
+pub fn curves_svg(panels: &[Panel], title: &str, across: &str, behind: Option<&str>) -> String {
     let lines = panels.first().map_or(&[][..], |p| &p.lines);
-    let widths = (lines.iter()).map(|(name, _)| text_width(name, Type::default().size));
+    let entries = entries(lines, behind);
+    let widths = (entries.iter()).map(|(name, ..)| text_width(name, Type::default().size));
     let column = LEGEND_FREE + widths.fold(0.0, f32::max);
     let width = WIDTH * panels.len().max(1) as f32;
     let columns = (((width - LEFT) / column) as usize).max(1);
-    let height = BOTTOM + 56.0 + LEGEND_ROW * lines.len().div_ceil(columns) as f32;
+    let height = BOTTOM + 56.0 + LEGEND_ROW * entries.len().div_ceil(columns) as f32;
     let mut canvas = Canvas::new(width, height);
     canvas.heading(title);
     for (index, panel) in panels.iter().enumerate() {
         draw(&mut canvas, panel, index as f32 * WIDTH, across);
     }
-    for (index, (name, _)) in lines.iter().enumerate() {
+    for (index, (name, colour, thickness)) in entries.into_iter().enumerate() {
         let x = LEFT + (index % columns) as f32 * column;
         let y = BOTTOM + 62.0 + (index / columns) as f32 * LEGEND_ROW;
         canvas.push(format_args!(
-            "<path d=\"M{x:.1} {y:.1}h26\" stroke=\"{}\" stroke-width=\"3\"/>",
-            palette::task(index).hex()
+            "<path d=\"M{x:.1} {y:.1}h26\" stroke=\"{}\" stroke-width=\"{thickness}\"/>",
+            colour.hex()
         ));
         canvas.text(x + 34.0, y + 5.0, Type::default(), name);
     }
     canvas.finish()
+}
+
+/// The entries of the legend: what is told, and the colour and the thickness of its line.
+fn entries<'a>(lines: &'a [Curve], behind: Option<&'a str>) -> Vec<(&'a str, Rgb, f32)> {
+    let lines = lines.iter().enumerate();
+    let of_lines = lines.map(|(index, line)| (line.name.as_str(), palette::task(index), 3.0));
+    let of_behind = behind.map(|behind| (behind, GREY, THIN));
+    of_lines.chain(of_behind).collect()
 }
 
 fn draw(canvas: &mut Canvas, panel: &Panel, start: f32, across: &str) {
@@ -65,21 +87,19 @@ fn draw(canvas: &mut Canvas, panel: &Panel, start: f32, across: &str) {
     };
     canvas.text(axes.left, TOP - 14.0, set, &panel.label);
     canvas.text(axes.right, BOTTOM + 38.0, anchored("end"), across);
-    for (index, (_, points)) in panel.lines.iter().enumerate() {
-        let at = |p: &[f64; 2]| format!("{:.1} {:.1}", axes.x(p[0]), axes.y(p[1]));
-        let path: Vec<String> = points.iter().map(at).collect();
-        canvas.push(format_args!(
-            "<path d=\"M{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2.2\" stroke-linejoin=\"round\"/>",
-            path.join("L"),
-            palette::task(index).hex()
-        ));
+    // No line that stands back covers one that does not.
+    for (index, line) in panel.lines.iter().enumerate() {
+        let colour = palette::task(index).mixed(Rgb(255, 255, 255), 0.45);
+        for points in &line.behind {
+            axes.line(canvas, points, colour, THIN);
+        }
+    }
+    for (index, Curve { points, .. }) in panel.lines.iter().enumerate() {
+        let colour = palette::task(index);
+        axes.line(canvas, points, colour, THICK);
         // A line of one point would not be seen.
         if let Some(last) = points.last() {
-            canvas.circle(
-                [axes.x(last[0]), axes.y(last[1])],
-                4.0,
-                palette::task(index),
-            );
+            canvas.circle([axes.x(last[0]), axes.y(last[1])], 4.0, colour);
         }
     }
 }
@@ -103,11 +123,14 @@ struct Axes {
 
 impl Axes {
     fn of(panel: &Panel, start: f32) -> Self {
-        let settled = panel.lines.iter().flat_map(|(_, points)| {
+        let drawn: Vec<&Vec<[f64; 2]>> = (panel.lines.iter())
+            .flat_map(|line| line.behind.iter().chain([&line.points]))
+            .collect();
+        let settled = drawn.iter().flat_map(|points| {
             let first = usize::from(points.len() > 1);
             points.iter().skip(first)
         });
-        let all = panel.lines.iter().flat_map(|(_, points)| points);
+        let all = drawn.iter().copied().flatten();
         Self {
             left: start + LEFT,
             right: start + WIDTH - RIGHT,
@@ -123,6 +146,16 @@ impl Axes {
     fn y(&self, value: f64) -> f32 {
         let (low, high) = self.upwards;
         BOTTOM - share(value.clamp(low, high), self.upwards) * HEIGHT
+    }
+
+    fn line(&self, canvas: &mut Canvas, points: &[[f64; 2]], colour: Rgb, thickness: f32) {
+        let at = |p: &[f64; 2]| format!("{:.1} {:.1}", self.x(p[0]), self.y(p[1]));
+        let path: Vec<String> = points.iter().map(at).collect();
+        canvas.push(format_args!(
+            "<path d=\"M{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{thickness}\" stroke-linejoin=\"round\"/>",
+            path.join("L"),
+            colour.hex()
+        ));
     }
 
     fn draw(&self, canvas: &mut Canvas) {
@@ -182,30 +215,33 @@ pub fn write_curves_svg(
     panels: &[Panel],
     title: &str,
     across: &str,
+    behind: Option<&str>,
 ) -> Result<(), ViewError> {
-    file::write(path, curves_svg(panels, title, across).as_bytes())
+    file::write(path, curves_svg(panels, title, across, behind).as_bytes())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn curve(name: &str, points: &[[f64; 2]]) -> Curve {
+        Curve {
+            name: name.to_owned(),
+            points: points.to_vec(),
+            behind: Vec::new(),
+        }
+    }
+
     #[test]
     fn lines_span_the_panel_and_are_named() {
         let panel = Panel {
             label: "loss".to_owned(),
             lines: vec![
-                (
-                    "ours".to_owned(),
-                    vec![[0.0, 99.0], [50.0, 2.0], [100.0, 1.0]],
-                ),
-                (
-                    "theirs & others".to_owned(),
-                    vec![[0.0, 99.0], [100.0, 3.0]],
-                ),
+                curve("ours", &[[0.0, 99.0], [50.0, 2.0], [100.0, 1.0]]),
+                curve("theirs & others", &[[0.0, 99.0], [100.0, 3.0]]),
             ],
         };
-        let svg = curves_svg(&[panel], "Losses", "steps");
+        let svg = curves_svg(&[panel], "Losses", "steps", None);
         let last = format!("L{:.1} {:.1}\"", WIDTH - RIGHT, TOP + HEIGHT);
         assert!(
             svg.contains(&last),
@@ -217,6 +253,45 @@ mod tests {
             "what is beyond the panel stays at its edge"
         );
         assert!(svg.contains("theirs &amp; others") && svg.contains("steps"));
+    }
+
+    #[test]
+    fn what_a_line_is_the_mean_of_is_thin_behind_all_lines_and_within_the_panel() {
+        let of = |losses: [f64; 3]| vec![[0.0, losses[0]], [50.0, losses[1]], [100.0, losses[2]]];
+        let mean = |name: &str, behind: Vec<Vec<[f64; 2]>>| Curve {
+            behind,
+            ..curve(name, &of([9.0, 3.0, 2.0]))
+        };
+        let behind = vec![of([8.0, 4.0, 3.0]), of([10.0, 2.0, 1.0])];
+        let panel = Panel {
+            label: "loss".to_owned(),
+            lines: vec![mean("ours", Vec::new()), mean("theirs", behind)],
+        };
+        let svg = curves_svg(&[panel], "Losses", "steps", Some("each seed"));
+        let thicknesses: Vec<&str> = (svg.lines())
+            .filter(|line| line.contains("fill=\"none\" stroke="))
+            .map(|line| {
+                if line.contains("stroke-width=\"1\"") {
+                    "thin"
+                } else {
+                    "thick"
+                }
+            })
+            .collect();
+        assert_eq!(thicknesses, ["thin", "thin", "thick", "thick"], "{svg}");
+        let [high, low] = [TOP, BOTTOM].map(|y| format!("{y:.1}"));
+        let right = WIDTH - RIGHT;
+        assert!(
+            svg.contains(&format!("L{right:.1} {low}\"")),
+            "the least of all losses is at the bottom: {svg}"
+        );
+        let middle = f32::midpoint(LEFT, right);
+        assert!(
+            svg.contains(&format!("L{middle:.1} {high}L")),
+            "the largest beyond the first points is at the top: {svg}"
+        );
+        let legend = svg.matches("h26").count();
+        assert!(legend == 3 && svg.contains(">each seed<"), "{svg}");
     }
 
     #[test]
@@ -242,14 +317,14 @@ mod tests {
 
     #[test]
     fn a_long_name_leaves_room_for_the_next() {
-        let line = |name: &str| (name.to_owned(), vec![[0.0, 1.0], [1.0, 2.0]]);
+        let line = |name: &str| curve(name, &[[0.0, 1.0], [1.0, 2.0]]);
         let long = "a network with a long description of what it is";
         let panel = Panel {
             label: "loss".to_owned(),
             lines: vec![line(long), line("other")],
         };
         let starts = |panels: &[Panel]| -> Vec<f32> {
-            let svg = curves_svg(panels, "Losses", "steps");
+            let svg = curves_svg(panels, "Losses", "steps", None);
             let legend = svg.split("<path d=\"M").filter(|part| part.contains("h26"));
             let start = |part: &str| part.split(' ').next().unwrap().parse().unwrap();
             legend.map(start).collect()
@@ -267,21 +342,21 @@ mod tests {
     fn no_lines_and_one_point_are_drawn_without_a_division_by_zero() {
         let one = Panel {
             label: "loss".to_owned(),
-            lines: vec![("ours".to_owned(), vec![[1.0, 1.0]])],
+            lines: vec![curve("ours", &[[1.0, 1.0]])],
         };
         for panels in [vec![], vec![one]] {
-            assert!(!curves_svg(&panels, "Losses", "steps").contains("NaN"));
+            assert!(!curves_svg(&panels, "Losses", "steps", None).contains("NaN"));
         }
     }
 
     #[test]
     fn lines_of_one_point_are_seen_apart() {
-        let line = |name: &str, loss| (name.to_owned(), vec![[200.0, loss]]);
+        let line = |name: &str, loss| curve(name, &[[200.0, loss]]);
         let panel = Panel {
             label: "loss".to_owned(),
             lines: vec![line("ours", 2.0), line("theirs", 3.0)],
         };
-        let svg = curves_svg(&[panel], "Losses", "steps");
+        let svg = curves_svg(&[panel], "Losses", "steps", None);
         let height = |y: f32| format!("<circle cx=\"{LEFT:.1}\" cy=\"{y:.1}\"");
         assert!(
             svg.contains(&height(TOP + HEIGHT)) && svg.contains(&height(TOP)),
