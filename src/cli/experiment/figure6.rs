@@ -1,5 +1,7 @@
 //! Figure 6: how sure a method is of what to do first.
 
+mod plot;
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -25,7 +27,6 @@ use crate::rollout::{
 };
 use crate::simulator::Bedroom;
 use crate::trajectory::ActionSpace;
-use crate::view::{Rate, write_rates_svg};
 
 const NAME: &str = "fig6";
 const TASK: &str = "sock";
@@ -295,7 +296,6 @@ fn draw(out: &Path) -> Result<(), CliError> {
     table.push_str(
         "| | entropy of the first action, nats | most probable actions | paper |\n|---|---|---|---|\n",
     );
-    let mut rates = Vec::new();
     for (line, cell) in &cells {
         let described = line.described;
         let first = cell.actions.iter().take(LISTED);
@@ -309,23 +309,9 @@ fn draw(out: &Path) -> Result<(), CliError> {
             listed.join(", "),
             published.join(", ")
         );
-        for ((name, p), deviation) in cell.actions.iter().zip(&cell.deviations).take(LISTED) {
-            rates.push(Rate {
-                label: format!("{described}: {name}"),
-                rate: *p,
-                interval: [(p - deviation).max(0.0), (p + deviation).min(1.0)],
-                stands_out: line.method == OURS,
-                published: None,
-            });
-        }
     }
     keep_text(&out.join("table.md"), table.as_bytes())?;
-    write_rates_svg(
-        &out.join("fig6.svg"),
-        &rates,
-        "Probability of the first action of sock, with its spread",
-        None,
-    )?;
+    plot::draw(out, &cells)?;
     println!("\n{table}\nin {}", out.display());
     Ok(())
 }
