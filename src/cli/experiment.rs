@@ -2,6 +2,8 @@
 
 mod chaining;
 mod commands;
+#[cfg(test)]
+mod committed;
 mod figure5;
 mod figure6;
 mod given;

@@ -7,7 +7,7 @@ use crate::cli::arguments::{Arguments, ChainingArguments, EvaluateArguments, Pla
 use crate::cli::error::CliError;
 use crate::cli::evaluate::{bedroom, episodes};
 use crate::cli::kept::{Missing, keep, keep_text, kept};
-use crate::cli::loaded::{Loaded, graph_digests};
+use crate::cli::loaded::{Loaded, bedroom_at, graph_digests};
 use crate::cli::recipe::{Ingredient, Recipe};
 use crate::cli::revision::revision;
 use crate::cli::worlds::composed;
@@ -19,12 +19,14 @@ use crate::rollout::Rollout;
 use crate::simulator::{Bedroom, BedroomConfig};
 use crate::view::{Rate, write_rates_svg};
 
+const NAME: &str = "chaining";
+
 /// What the figures of a cell depend on.
 #[derive(Serialize)]
 struct Ingredients<'a> {
     method: ChainingMethod,
     composition: String,
-    model: String,
+    model: &'a str,
     graphs: &'a [String],
     seed: u64,
     episodes: usize,
@@ -36,24 +38,15 @@ pub(super) fn chaining(
     chaining_arguments: &ChainingArguments,
     arguments: &Arguments,
 ) -> Result<(), CliError> {
-    let evaluated = &EvaluateArguments {
-        target: chaining_arguments.target.clone(),
-        composition: None,
-        episodes: chaining_arguments.episodes,
-        seed: chaining_arguments.seed,
-        json: false,
-        level: chaining_arguments.level,
-        nearest_states: None,
-        planner: PlannerArgument::InOrder,
-        policy: None,
-    };
+    let evaluated = &evaluation_of(chaining_arguments);
     let out = &chaining_arguments.out;
     make(out)?;
     // Before hours are spent.
     let mut missing = Vec::new();
     for method in ChainingMethod::ALL {
         let loaded = loaded_with(method, evaluated, arguments)?;
-        let digest_of = |episodes: usize| digest_of(method, &loaded, evaluated, episodes);
+        let (composition, model) = (&loaded.composition, loaded.model.digest());
+        let digest_of = |episodes| digest_of(method, composition, &model, evaluated, episodes);
         let cell = Missing::unless_kept_of_any_episodes::<ChainingCell>(
             cell_file(out, method),
             evaluated.episodes,
@@ -94,37 +87,62 @@ pub(super) fn chaining(
     Ok(())
 }
 
+/// How each method is evaluated.
+fn evaluation_of(arguments: &ChainingArguments) -> EvaluateArguments {
+    EvaluateArguments {
+        target: arguments.target.clone(),
+        composition: None,
+        episodes: arguments.episodes,
+        seed: arguments.seed,
+        json: false,
+        level: arguments.level,
+        nearest_states: None,
+        planner: PlannerArgument::InOrder,
+        policy: None,
+    }
+}
+
 fn cell_file(out: &Path, method: ChainingMethod) -> PathBuf {
     out.join(format!("{}.json", method.name()))
 }
 
-/// The composition as a method plans it, with what it needs.
+/// The same with what it needs.
 fn loaded_with(
     method: ChainingMethod,
     evaluated: &EvaluateArguments,
     arguments: &Arguments,
 ) -> Result<Loaded, CliError> {
-    let mut composition = composed(&evaluated.target, &arguments.root)?;
+    Loaded::of(planned_with(method, evaluated, &arguments.root)?, arguments)
+}
+
+/// The composition as a method plans it.
+fn planned_with(
+    method: ChainingMethod,
+    evaluated: &EvaluateArguments,
+    root: &Path,
+) -> Result<Composition, CliError> {
+    let mut composition = composed(&evaluated.target, root)?;
     method.plan(&mut composition.planner, &mut composition.calibration);
-    Loaded::of(composition, arguments)
+    Ok(composition)
 }
 
 /// The digest of what a method's figures depend on, with so many episodes.
 fn digest_of(
     method: ChainingMethod,
-    loaded: &Loaded,
+    composition: &Composition,
+    model: &str,
     evaluated: &EvaluateArguments,
     episodes: usize,
 ) -> Result<String, CliError> {
-    let graphs = graph_digests(&loaded.composition)?;
+    let graphs = graph_digests(composition)?;
     digest(&Ingredients {
         method,
-        composition: described(&loaded.composition),
-        model: loaded.model.digest(),
+        composition: described(composition),
+        model,
         graphs: &graphs,
         seed: evaluated.seed,
         episodes,
-        bedroom: bedroom(loaded, evaluated)?,
+        bedroom: bedroom_at(composition, evaluated.level.into())?,
     })
 }
 
@@ -215,4 +233,25 @@ fn measure(
     Ok(ChainingCell::new(
         method, &judged, evaluation, digest, commit,
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+    use crate::cli::experiment::committed::{assert_kept, chaining_arguments, root};
+    use crate::model::{MANIFEST_FILE, ModelManifest};
+
+    #[test]
+    fn committed_cells_count_as_finished() {
+        let evaluated = evaluation_of(&chaining_arguments(&[]));
+        assert_kept::<ChainingCell>(NAME, |cell| {
+            let composition = planned_with(cell.method, &evaluated, root()).unwrap();
+            let manifest = fs::read(composition.model.join(MANIFEST_FILE)).unwrap();
+            let model = ModelManifest::from_json(&manifest).unwrap().digest();
+            let digest = digest_of(cell.method, &composition, &model, &evaluated, cell.episodes);
+            Some(digest.unwrap())
+        });
+    }
 }

@@ -32,9 +32,8 @@ pub(super) fn figure_5(paper: &PaperArguments, arguments: &Arguments) -> Result<
         let mut curves = Vec::new();
         for seed in seeds {
             for method in &methods {
-                let words = size.training(method, seed);
-                let ingredients = workshop.ingredients(method);
-                let digest = digest(&(method.name, demonstrations, words, ingredients))?;
+                let of = (method, demonstrations, seed);
+                let digest = digest_of(&workshop.ingredients, of, &size)?;
                 let file = curve_file(&out, method.name, seed);
                 let recipe = || Ok(recipe(method, demonstrations, &size, seed));
                 let missing = workshop.missing::<LossCurve>(file, digest, recipe)?;
@@ -55,6 +54,16 @@ fn curve_file(out: &Path, method: &str, seed: u64) -> PathBuf {
 /// The command behind a curve, without the folder that it works in.
 fn command(method: &Method, size: &Size, seed: u64) -> String {
     format!("catena train ... {}", size.training(method, seed).join(" "))
+}
+
+/// The digest of what a curve of a method, a number of demonstrations and a seed depends on.
+fn digest_of(
+    ingredients: &Ingredients,
+    (method, demonstrations, seed): (&Method, usize, u64),
+    size: &Size,
+) -> Result<String, CliError> {
+    let words = size.training(method, seed);
+    digest(&(method.name, demonstrations, words, ingredients.of(method)))
 }
 
 /// What a curve would be made of now.
@@ -185,6 +194,19 @@ fn title(curves: &[&LossCurve], is_quick: bool) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::experiment::committed::{assert_kept, root, unflagged};
+
+    #[test]
+    fn committed_curves_count_as_finished() {
+        let paper = unflagged(NAME);
+        let size = Size::new(&paper, &[DEMONSTRATIONS], SEEDS);
+        let ingredients = Ingredients::gather(&paper, root()).unwrap();
+        assert_kept::<LossCurve>(NAME, |curve| {
+            let method = TABLE_3.iter().find(|m| m.name == curve.method).unwrap();
+            let of = (method, curve.demonstrations, curve.seed);
+            Some(digest_of(&ingredients, of, &size).unwrap())
+        });
+    }
 
     #[test]
     fn curves_of_any_seed_are_drawn_and_each_of_its_own_method() {

@@ -116,14 +116,7 @@ pub(super) fn figure_6(paper: &PaperArguments, arguments: &Arguments) -> Result<
         for method in methods {
             let mut lines = Vec::new();
             for line in LINES.iter().filter(|line| line.method == method) {
-                let digest = digest(&(
-                    line.name,
-                    demonstrations,
-                    size.training(&method, size.training_seed),
-                    workshop.ingredients(&method),
-                    size.episodes,
-                    size.seed,
-                ))?;
+                let digest = digest_of(&workshop.ingredients, line, demonstrations, &size)?;
                 let recipe = || Ok(recipe(&method, demonstrations, &size));
                 let file = cell_file(&out, line);
                 let missing = workshop.missing::<CertaintyCell>(file, digest, recipe)?;
@@ -142,6 +135,23 @@ pub(super) fn figure_6(paper: &PaperArguments, arguments: &Arguments) -> Result<
 
 fn cell_file(out: &Path, line: &Line) -> PathBuf {
     out.join(format!("{}.json", line.name))
+}
+
+/// The digest of what a cell of a line and a number of demonstrations depends on.
+fn digest_of(
+    ingredients: &Ingredients,
+    line: &Line,
+    demonstrations: usize,
+    size: &Size,
+) -> Result<String, CliError> {
+    digest(&(
+        line.name,
+        demonstrations,
+        size.training(&line.method, size.training_seed),
+        ingredients.of(&line.method),
+        size.episodes,
+        size.seed,
+    ))
 }
 
 /// What a cell would be made of now.
@@ -319,6 +329,18 @@ fn draw(out: &Path) -> Result<(), CliError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::experiment::committed::{assert_kept, root, unflagged};
+
+    #[test]
+    fn committed_cells_count_as_finished() {
+        let paper = unflagged(NAME);
+        let size = Size::new(&paper, &[DEMONSTRATIONS], 1);
+        let ingredients = Ingredients::gather(&paper, root()).unwrap();
+        assert_kept::<CertaintyCell>(NAME, |cell| {
+            let line = LINES.iter().find(|line| line.name == cell.method).unwrap();
+            Some(digest_of(&ingredients, line, cell.demonstrations, &size).unwrap())
+        });
+    }
 
     #[test]
     fn actions_are_sorted_by_their_mean_and_an_even_choice_has_the_largest_entropy() {

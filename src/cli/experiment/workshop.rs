@@ -33,7 +33,8 @@ pub(super) struct Workshop<'a> {
     commands: Commands,
     /// Held by the job that records.
     recording: Mutex<()>,
-    ingredients: Ingredients,
+    /// What methods learn from and are measured on.
+    pub(super) ingredients: Ingredients,
     /// The commit of the working tree, if it is one.
     pub(super) commit: Option<String>,
 }
@@ -67,11 +68,6 @@ impl<'a> Workshop<'a> {
             work: std::path::absolute(&paper.work).map_err(CliError::io(&paper.work))?,
             recording: Mutex::new(()),
         })
-    }
-
-    /// What a method learns from and is measured on, for digests.
-    pub(super) fn ingredients(&self, method: &Method) -> [&[String]; 3] {
-        self.ingredients.of(method)
     }
 
     /// Runs a command on what was trained and reads the JSON that it prints; its progress is shown or goes to a log.
