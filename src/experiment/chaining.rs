@@ -149,12 +149,15 @@ pub struct ChainingCell {
     pub digest: String,
     /// The commit of the working tree, if it is one.
     pub commit: Option<String>,
+    /// Whether it is from a small version of the experiment; older cells do not tell.
+    #[serde(default)]
+    pub is_quick: bool,
     /// Everything that was measured.
     pub evaluation: Evaluation,
 }
 
 impl ChainingCell {
-    /// A cell out of an evaluation.
+    /// A cell out of an evaluation, of a whole experiment.
     #[must_use]
     pub fn new(
         method: ChainingMethod,
@@ -172,6 +175,7 @@ impl ChainingCell {
             parts: ChainPart::of(automaton, &evaluation.subgoals, evaluation.episodes),
             digest,
             commit,
+            is_quick: false,
             evaluation,
         }
     }
@@ -289,6 +293,7 @@ mod tests {
             parts: vec![part("a", 0, 10), part("to b", 0, 0)],
             digest: String::new(),
             commit: None,
+            is_quick: false,
             evaluation,
         };
         let table = chaining_table(&[cell]);

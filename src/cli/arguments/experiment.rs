@@ -86,18 +86,22 @@ pub struct ChainingArguments {
     /// The composition's YAML file.
     #[arg(default_value = "tasks/sequences/sock_then_trash.yaml")]
     pub target: String,
-    /// Number of episodes of each method.
-    #[arg(long, default_value_t = 100, value_parser = positive)]
-    pub episodes: usize,
+    /// A small version, of 4 episodes of each method. What it measures says little, and says so.
+    #[arg(long)]
+    pub quick: bool,
+    /// Number of episodes of each method; by default 100.
+    #[arg(long, value_parser = positive)]
+    pub episodes: Option<usize>,
     /// Seed of the first episode; the others follow one by one.
     #[arg(long, default_value_t = 100)]
     pub seed: u64,
     /// How much the world varies.
     #[arg(long, value_enum, default_value_t = LevelArgument::Paper)]
     pub level: LevelArgument,
-    /// Where the cells, the table and the plot go.
-    #[arg(long, default_value = "results/chaining")]
-    pub out: PathBuf,
+    /// Where the cells, the table and the plot go; by default `results/chaining`, or `out/quick/chaining` with
+    /// `--quick`.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
     /// Measure anew what was measured otherwise, in place of it.
     #[arg(long)]
     pub replace: bool,

@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::plan::{digest, make};
+use super::plan::{self, digest, make, place_of, with_note, with_version};
 use crate::cli::arguments::{Arguments, ChainingArguments, EvaluateArguments, PlannerArgument};
 use crate::cli::error::CliError;
 use crate::cli::evaluate::{bedroom, episodes};
@@ -39,7 +39,8 @@ pub(super) fn chaining(
     arguments: &Arguments,
 ) -> Result<(), CliError> {
     let evaluated = &evaluation_of(chaining_arguments);
-    let out = &chaining_arguments.out;
+    let is_quick = chaining_arguments.quick;
+    let out = &place_of(chaining_arguments.out.as_deref(), is_quick, NAME);
     make(out)?;
     // Before hours are spent.
     let mut missing = Vec::new();
@@ -58,7 +59,10 @@ pub(super) fn chaining(
     }
     for (method, Missing { file, digest }) in missing {
         let loaded = loaded_with(method, evaluated, arguments)?;
-        let cell = measure(method, &loaded, evaluated, arguments, digest)?;
+        let cell = ChainingCell {
+            is_quick,
+            ..measure(method, &loaded, evaluated, arguments, digest)?
+        };
         keep(&file, &cell)?;
         println!(
             "{}: {:.0} % of {}",
@@ -67,13 +71,22 @@ pub(super) fn chaining(
             cell.episodes
         );
     }
+    draw(out)
+}
+
+/// Makes table and plot of all cells.
+fn draw(out: &Path) -> Result<(), CliError> {
     let mut cells: Vec<ChainingCell> = Vec::new();
     for method in ChainingMethod::ALL {
         cells.extend(kept(&cell_file(out, method))?);
     }
-    let table = chaining_table(&cells);
-    let name = &cells[0].evaluation.name;
+    let is_quick = cells.iter().any(|cell| cell.is_quick);
+    let table = with_note(chaining_table(&cells), is_quick);
+    let name = cells
+        .first()
+        .map_or("", |cell| cell.evaluation.name.as_str());
     let title = format!("{} with each guard switched off", name.replace('_', " "));
+    let title = with_version(&title, is_quick);
     keep_text(&out.join("table.md"), table.as_bytes())?;
     let rates: Vec<Rate> = cells.iter().map(rate).collect();
     let picture = out.join("chaining.svg");
@@ -92,7 +105,7 @@ fn evaluation_of(arguments: &ChainingArguments) -> EvaluateArguments {
     EvaluateArguments {
         target: arguments.target.clone(),
         composition: None,
-        episodes: arguments.episodes,
+        episodes: plan::episodes(arguments.episodes, arguments.quick),
         seed: arguments.seed,
         json: false,
         level: arguments.level,
@@ -106,7 +119,7 @@ fn cell_file(out: &Path, method: ChainingMethod) -> PathBuf {
     out.join(format!("{}.json", method.name()))
 }
 
-/// The same with what it needs.
+/// The composition as a method plans it, with what it needs.
 fn loaded_with(
     method: ChainingMethod,
     evaluated: &EvaluateArguments,
@@ -242,6 +255,31 @@ mod tests {
     use super::*;
     use crate::cli::experiment::committed::{assert_kept, chaining_arguments, root};
     use crate::model::{MANIFEST_FILE, ModelManifest};
+
+    #[test]
+    fn a_small_version_is_of_few_episodes_and_says_so() {
+        let flags: [&[&str]; 3] = [&[], &["--quick"], &["--quick", "--episodes", "3"]];
+        let [whole, small, asked] =
+            flags.map(|flags| evaluation_of(&chaining_arguments(flags)).episodes);
+        assert_eq!((whole, asked), (100, 3));
+        assert!(small < 10, "{small} episodes");
+
+        let place = tempfile::tempdir().unwrap();
+        let out = place.path();
+        let of = |name: &str| fs::read_to_string(out.join(name)).unwrap();
+        let committed = root().join("results/chaining/ours.json");
+        let cell: ChainingCell = kept(&committed).unwrap().unwrap();
+        for is_quick in [false, true] {
+            let cell = ChainingCell {
+                is_quick,
+                ..cell.clone()
+            };
+            keep(&cell_file(out, cell.method), &cell).unwrap();
+            draw(out).unwrap();
+            assert_eq!(of("table.md").starts_with("small version"), is_quick);
+            assert_eq!(of("chaining.svg").contains("(small version)"), is_quick);
+        }
+    }
 
     #[test]
     fn committed_cells_count_as_finished() {

@@ -332,6 +332,20 @@ mod tests {
     use crate::cli::experiment::committed::{assert_kept, root, unflagged};
 
     #[test]
+    fn a_table_with_a_cell_of_the_small_version_says_so() {
+        let place = tempfile::tempdir().unwrap();
+        let names = ["left", "right"].map(String::from);
+        let mut cell = summed_up(&names, &[]);
+        for is_quick in [false, true] {
+            cell.is_quick = is_quick;
+            keep(&cell_file(place.path(), &LINES[0]), &cell).unwrap();
+            draw(place.path()).unwrap();
+            let table = std::fs::read_to_string(place.path().join("table.md")).unwrap();
+            assert_eq!(table.starts_with(QUICK_NOTE), is_quick, "{table}");
+        }
+    }
+
+    #[test]
     fn committed_cells_count_as_finished() {
         let paper = unflagged(NAME);
         let size = Size::new(&paper, &[DEMONSTRATIONS], 1);

@@ -45,10 +45,10 @@ impl Size {
     /// What is asked for; `demonstrations` and `seeds` are those of the paper.
     pub(super) fn new(arguments: &PaperArguments, demonstrations: &[usize], seeds: u64) -> Self {
         let quick = arguments.quick;
-        let (steps, baseline_steps, episodes) = if quick {
-            (QUICK_STEPS, QUICK_STEPS, QUICK_EPISODES)
+        let (steps, baseline_steps) = if quick {
+            (QUICK_STEPS, QUICK_STEPS)
         } else {
-            (STEPS, BASELINE_STEPS, EPISODES)
+            (STEPS, BASELINE_STEPS)
         };
         let few = [QUICK_DEMONSTRATIONS];
         let usual = if quick { &few[..] } else { demonstrations };
@@ -58,7 +58,7 @@ impl Size {
             } else {
                 rising(&arguments.demonstrations)
             },
-            episodes: arguments.episodes.unwrap_or(episodes),
+            episodes: episodes(arguments.episodes, quick),
             seed: arguments.seed,
             training_seed: arguments.training_seed,
             seeds: if quick { 1 } else { seeds },
@@ -121,17 +121,23 @@ pub(super) fn rising(numbers: &[usize]) -> Vec<usize> {
     numbers
 }
 
+/// Episodes of a method: those that are asked for, or as many as a whole or a small version has.
+pub(super) fn episodes(asked: Option<usize>, is_quick: bool) -> usize {
+    let usual = if is_quick { QUICK_EPISODES } else { EPISODES };
+    asked.unwrap_or(usual)
+}
+
 /// Where an experiment's cells go: a folder that is there, so that it is not missed after hours.
 pub(super) fn out(arguments: &PaperArguments, name: &str) -> Result<PathBuf, CliError> {
-    let parent = if arguments.quick {
-        "out/quick"
-    } else {
-        "results"
-    };
-    let usual = || Path::new(parent).join(name);
-    let out = arguments.out.clone().unwrap_or_else(usual);
+    let out = place_of(arguments.out.as_deref(), arguments.quick, name);
     make(&out)?;
     Ok(out)
+}
+
+/// The same folder, which need not be there: the one that is asked for, or one of the experiment's name.
+pub(super) fn place_of(asked: Option<&Path>, is_quick: bool, name: &str) -> PathBuf {
+    let parent = if is_quick { "out/quick" } else { "results" };
+    asked.map_or_else(|| Path::new(parent).join(name), Path::to_path_buf)
 }
 
 /// Makes a folder that is not there yet.
@@ -145,6 +151,21 @@ pub(super) fn digest(of: &impl Serialize) -> Result<String, CliError> {
     Ok(sha256_hex(&serde_json::to_vec(&(version, of))?))
 }
 
+/// A table, with what is said of the small version where it has figures of that.
+pub(super) fn with_note(table: String, is_quick: bool) -> String {
+    if is_quick {
+        format!("{QUICK_NOTE}\n\n{table}")
+    } else {
+        table
+    }
+}
+
+/// A plot's title, which says so, too.
+pub(super) fn with_version(title: &str, is_quick: bool) -> String {
+    let version = if is_quick { " (small version)" } else { "" };
+    format!("{title}{version}")
+}
+
 /// What is said of the small version.
 pub(super) const QUICK_NOTE: &str = "small version (--quick): few demonstrations and episodes, a training that \
      ends long before its losses do; it shows that everything runs, not how well it works";
@@ -152,6 +173,30 @@ pub(super) const QUICK_NOTE: &str = "small version (--quick): few demonstrations
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_the_small_version_says_that_it_is_small() {
+        assert_eq!(with_note("| |\n".to_owned(), false), "| |\n");
+        assert_eq!(
+            with_note("| |\n".to_owned(), true),
+            format!("{QUICK_NOTE}\n\n| |\n")
+        );
+        assert_eq!(with_version("Rates", false), "Rates");
+        assert_eq!(with_version("Rates", true), "Rates (small version)");
+    }
+
+    #[test]
+    fn a_small_version_goes_elsewhere_and_has_few_episodes_unless_others_are_asked_for() {
+        let places = [(None, true), (None, false), (Some(Path::new("mine")), true)];
+        let places = places.map(|(asked, is_quick)| place_of(asked, is_quick, "table9"));
+        assert_eq!(
+            places,
+            ["out/quick/table9", "results/table9", "mine"].map(PathBuf::from)
+        );
+        let counts = [(None, true), (None, false), (Some(7), true)];
+        let counts = counts.map(|(asked, is_quick)| episodes(asked, is_quick));
+        assert_eq!(counts, [QUICK_EPISODES, EPISODES, 7]);
+    }
 
     #[test]
     fn a_number_that_is_named_twice_is_measured_once() {

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::ingredients::Ingredients;
 use super::method::{Method, TABLE_1, TABLE_3, chosen};
-use super::plan::{QUICK_NOTE, Size, digest, out, rising};
+use super::plan::{Size, digest, out, rising, with_note, with_version};
 use super::workshop::{Trained, Workshop, evaluation, recordings_name};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
@@ -116,10 +116,8 @@ impl Table {
                 }
             }
         }
-        let mut table = rates_table(&cells, &rows, self.paper);
-        if cells.iter().any(|cell| cell.is_quick) {
-            table = format!("{QUICK_NOTE}\n\n{table}");
-        }
+        let table = rates_table(&cells, &rows, self.paper);
+        let table = with_note(table, cells.iter().any(|cell| cell.is_quick));
         keep_text(&out.join("table.md"), table.as_bytes())?;
         let bar = |(name, described, demonstrations): &(&str, &str, usize)| {
             let of_row = cells
@@ -135,11 +133,7 @@ impl Table {
             })
         };
         let rates: Vec<Rate> = rows.iter().filter_map(bar).collect();
-        let title = if size.is_quick {
-            format!("{} (small version)", self.title)
-        } else {
-            self.title.to_owned()
-        };
+        let title = with_version(self.title, size.is_quick);
         write_rates_svg(
             &out.join(format!("{}.svg", self.name)),
             &rates,
@@ -303,6 +297,26 @@ mod tests {
     use super::*;
     use crate::cli::experiment::committed::{assert_kept, root, unflagged};
     use crate::cli::experiment::method::MVP;
+    use crate::cli::experiment::plan::QUICK_NOTE;
+
+    #[test]
+    fn a_table_with_a_cell_of_the_small_version_says_so() {
+        let place = tempfile::tempdir().unwrap();
+        let size = Size::new(&unflagged(FIRST.name), FIRST.demonstrations, 1);
+        let file = cell_file(place.path(), &TABLE_1[0], 10, "sock");
+        let committed = root().join("results/table1/ours_10_sock.json");
+        let cell: RateCell = kept(&committed).unwrap().unwrap();
+        for is_quick in [false, true] {
+            let cell = RateCell {
+                is_quick,
+                ..cell.clone()
+            };
+            keep(&file, &cell).unwrap();
+            FIRST.draw(place.path(), &size).unwrap();
+            let table = fs::read_to_string(place.path().join("table.md")).unwrap();
+            assert_eq!(table.starts_with(QUICK_NOTE), is_quick, "{table}");
+        }
+    }
 
     #[test]
     fn committed_cells_count_as_finished() {

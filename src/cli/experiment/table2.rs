@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ingredients::Ingredients;
 use super::method::{Method, OURS, TABLE_1, chosen};
-use super::plan::{Size, digest, out};
+use super::plan::{Size, digest, out, with_note};
 use super::workshop::{Workshop, evaluation};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
@@ -53,6 +53,9 @@ struct TimeCell {
     digest: String,
     commands: Vec<String>,
     commit: Option<String>,
+    /// Whether it is from a small version of the experiment; older cells do not tell.
+    #[serde(default)]
+    is_quick: bool,
 }
 
 /// `catena experiment table2`: one episode at a time, as on a robot.
@@ -104,6 +107,7 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
             digest,
             commands: vec![workshop.shown(&trained, &command, Some(engine))],
             commit: workshop.commit.clone(),
+            is_quick: size.is_quick,
         };
         keep(&file, &cell)?;
     }
@@ -235,7 +239,7 @@ fn table(demonstrations: &[usize], cells: &[TimeCell]) -> String {
         let paper = paper.map_or_else(String::new, |(_, _, ms)| format!("{ms:.0}"));
         let _ = writeln!(table, " {paper} |");
     }
-    table
+    with_note(table, cells.iter().any(|cell| cell.is_quick))
 }
 
 #[cfg(test)]
@@ -269,6 +273,7 @@ mod tests {
             digest: String::new(),
             commands: Vec::new(),
             commit: None,
+            is_quick: false,
         }
     }
 
@@ -310,6 +315,15 @@ mod tests {
         );
         assert_eq!(count(", 30 demonstrations<"), 2);
         assert_eq!([count(">ONNX Runtime<"), count(">tract<")], [1, 1]);
+    }
+
+    #[test]
+    fn a_table_with_a_cell_of_the_small_version_says_so() {
+        let mut small = cell("ours");
+        assert!(table(&[30], std::slice::from_ref(&small)).starts_with("| mill"));
+        small.is_quick = true;
+        let said = table(&[30], &[small]);
+        assert!(said.starts_with("small version (--quick)"), "{said}");
     }
 
     #[test]
