@@ -4,6 +4,7 @@ mod chaining;
 mod commands;
 #[cfg(test)]
 mod committed;
+mod digests;
 mod figure5;
 mod figure6;
 mod given;

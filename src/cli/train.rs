@@ -87,7 +87,7 @@ pub(super) fn train(
 }
 
 /// What the digest of practice is called beside those of demonstrations, before the name of its task.
-const PRACTICE_OF: &str = "practice of ";
+pub(super) const PRACTICE_OF: &str = "practice of ";
 
 /// `catena train --keep-networks`: learns anew what a finished model's networks stay out of.
 fn practise(arguments: &TrainArguments, all: &Arguments, folder: &Path) -> Result<(), CliError> {

@@ -1,3 +1,4 @@
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use serde::{Deserialize, Serialize};
@@ -147,6 +148,12 @@ pub struct ChainingCell {
     pub parts: Vec<ChainPart>,
     /// Digest of what the figures depend on: composition, model, graphs, method, seeds.
     pub digest: String,
+    /// The commands that made it; older cells have none.
+    #[serde(default)]
+    pub commands: Vec<String>,
+    /// Digests of what it was measured with, by name: the model, the graph of each task. Older cells have none.
+    #[serde(default)]
+    pub digests: BTreeMap<String, String>,
     /// The commit of the working tree, if it is one.
     pub commit: Option<String>,
     /// Whether it is from a small version of the experiment; older cells do not tell.
@@ -157,7 +164,7 @@ pub struct ChainingCell {
 }
 
 impl ChainingCell {
-    /// A cell out of an evaluation, of a whole experiment.
+    /// A cell out of an evaluation, of a whole experiment, which names no commands and digests.
     #[must_use]
     pub fn new(
         method: ChainingMethod,
@@ -174,6 +181,8 @@ impl ChainingCell {
             interval_95: evaluation.interval_95,
             parts: ChainPart::of(automaton, &evaluation.subgoals, evaluation.episodes),
             digest,
+            commands: Vec::new(),
+            digests: BTreeMap::new(),
             commit,
             is_quick: false,
             evaluation,
@@ -292,6 +301,8 @@ mod tests {
             interval_95: [0.0, 0.278],
             parts: vec![part("a", 0, 10), part("to b", 0, 0)],
             digest: String::new(),
+            commands: Vec::new(),
+            digests: BTreeMap::new(),
             commit: None,
             is_quick: false,
             evaluation,

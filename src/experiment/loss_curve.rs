@@ -1,3 +1,4 @@
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use serde::{Deserialize, Serialize};
@@ -20,6 +21,9 @@ pub struct LossCurve {
     pub digest: String,
     /// The commands that made it.
     pub commands: Vec<String>,
+    /// Digests of what it was measured with, by name: the demonstrations of each task, the model. Older curves have none.
+    #[serde(default)]
+    pub digests: BTreeMap<String, String>,
     /// The commit of the working tree, if it is one.
     pub commit: Option<String>,
     /// Whether it is from a small version of the experiment.
@@ -214,6 +218,7 @@ mod tests {
             weights: 7,
             digest: String::new(),
             commands: Vec::new(),
+            digests: BTreeMap::new(),
             commit: None,
             is_quick: false,
             config: Value::Null,

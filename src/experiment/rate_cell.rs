@@ -27,7 +27,8 @@ pub struct RateCell {
     pub digest: String,
     /// The commands that made it.
     pub commands: Vec<String>,
-    /// Digests of what it was measured with, by name: the demonstrations of each task, the model.
+    /// Digests of what it was measured with, by name: the demonstrations of each task, the model, and the image encoder that
+    /// somebody else trained where the method has one.
     pub digests: BTreeMap<String, String>,
     /// The commit of the working tree, if it is one.
     pub commit: Option<String>,

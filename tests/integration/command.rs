@@ -460,6 +460,14 @@ fn guards_that_were_measured_on_another_number_of_episodes_are_kept() {
         succeeded(&[&words[..], &[episodes, "--out", path(&out)]].concat())
     };
     chaining("1");
+    let cell = fs::read(out.join("no_filter.json")).expect("a cell");
+    let cell: serde_json::Value = serde_json::from_slice(&cell).expect("JSON");
+    let command = cell["commands"][0].as_str().unwrap_or_default();
+    assert!(
+        command.starts_with("catena experiment chaining ") && command.contains("--episodes 1"),
+        "{command}"
+    );
+    assert!(cell["digests"]["graph of trash"].is_string());
     let before = bytes_of(&out);
     let said = chaining("2");
     let kept = said.matches("(1 episode, not 2; --replace").count();

@@ -21,6 +21,24 @@ fn experiment(folder: &Path, words: &[&str]) -> Output {
     catena(&[&["experiment"], words, &places].concat())
 }
 
+/// A cell as it is written.
+fn cell(file: &Path) -> serde_json::Value {
+    let text = fs::read(file).expect("a cell");
+    serde_json::from_slice(&text).expect("JSON")
+}
+
+/// Holds a cell to naming the command behind it, its seed, and the model and recordings that it was measured with.
+fn ensure_named(file: &Path, command: &str) {
+    let cell = cell(file);
+    let first = cell["commands"][0].as_str().unwrap_or_default();
+    assert!(first.starts_with(command), "{first}");
+    assert!(cell["seed"].is_u64(), "{}", file.display());
+    for name in ["model", "demonstrations of sock", "demonstrations of wine"] {
+        let digest = cell["digests"][name].as_str().map(str::len);
+        assert_eq!(digest, Some(64), "{name} in {}", file.display());
+    }
+}
+
 #[test]
 fn what_an_experiment_runs_ends_when_it_is_killed() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -105,6 +123,7 @@ fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
         first.contains("catena train") && first.contains("small version"),
         "{first}"
     );
+    ensure_named(&out.join("siamese_seed1.json"), "catena train ... ");
     let both = run(&["--methods", "siamese,only_wrist", "--jobs", "2"]);
     assert!(
         both.contains("kept: ") && both.contains("--camera wrist"),
@@ -207,7 +226,7 @@ fn other_recordings_are_another_training_and_replace_nothing_unasked() {
         said.contains("siamese_seed1.json") && said.contains("--replace"),
         "{said}"
     );
-    assert!(said.contains("does not name: the recordings"), "{said}");
+    assert!(said.contains("the recordings of wine differ"), "{said}");
     let of_more_steps = ["fig5", "--quick", "--steps", "3", "--methods", "siamese"];
     let words = [&of_more_steps[..], &["--demonstrations", "1"]].concat();
     let said = text(&experiment(folder.path(), &words).stderr);

@@ -2,6 +2,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use super::digests::{Digests, digests_of, pointer_to};
 use super::plan::{self, digest, make, place_of, with_note, with_version};
 use crate::cli::arguments::{Arguments, ChainingArguments, EvaluateArguments, PlannerArgument};
 use crate::cli::error::CliError;
@@ -164,25 +165,53 @@ fn recipe(loaded: &Loaded, evaluated: &EvaluateArguments) -> Result<Recipe, CliE
     let composition = loaded.composition.name.as_str();
     let level = level_of(&bedroom(loaded, evaluated)?);
     let episodes = evaluated.episodes;
+    let digests = named_digests(&loaded.composition)?;
+    let mut named: Vec<Ingredient> = digests
+        .into_iter()
+        .map(|(name, digest)| {
+            let what = format!("the digests of the {name}");
+            Ingredient::Digest(what, pointer_to(&name), digest)
+        })
+        .collect();
+    named.extend([
+        Ingredient::Value("the composition", "/evaluation/name", composition.into()),
+        Ingredient::Value("the level", "/evaluation/level", level.into()),
+        Ingredient::Value("the number of episodes", "/episodes", episodes.into()),
+        Ingredient::Value(
+            "the seed of the first episode",
+            "/seed",
+            evaluated.seed.into(),
+        ),
+    ]);
     Ok(Recipe {
-        named: vec![
-            Ingredient::Value("the composition", "/evaluation/name", composition.into()),
-            Ingredient::Value("the level", "/evaluation/level", level.into()),
-            Ingredient::Value("the number of episodes", "/episodes", episodes.into()),
-            Ingredient::Value(
-                "the seed of the first episode",
-                "/seed",
-                evaluated.seed.into(),
-            ),
-        ],
+        named,
         unnamed: vec![
             "what the composition says",
-            "the model",
-            "the graphs",
+            "model and graphs, where it does not name them",
             "what the bedroom's settings are",
             "the version of catena",
         ],
     })
+}
+
+/// Digests of the manifests of a composition's model and graphs, and of what the model says that it was trained on, as
+/// cells name them.
+fn named_digests(composition: &Composition) -> Result<Digests, CliError> {
+    let mut digests = digests_of(&composition.model, None)?;
+    for graph in graph_digests(composition)? {
+        if let Some((task, digest)) = graph.rsplit_once(':') {
+            digests.insert(format!("graph of {task}"), digest.to_owned());
+        }
+    }
+    Ok(digests)
+}
+
+/// The command that makes a cell, beside others.
+fn command(evaluated: &EvaluateArguments, level: &str) -> String {
+    format!(
+        "catena experiment chaining {} --episodes {} --seed {} --level {level}",
+        evaluated.target, evaluated.episodes, evaluated.seed
+    )
 }
 
 /// How much a bedroom varies, as evaluations call it.
@@ -243,9 +272,12 @@ fn measure(
         results,
     );
     let commit = revision(&arguments.root);
-    Ok(ChainingCell::new(
-        method, &judged, evaluation, digest, commit,
-    ))
+    let cell = ChainingCell::new(method, &judged, evaluation, digest, commit);
+    Ok(ChainingCell {
+        commands: vec![command(evaluated, &cell.evaluation.level)],
+        digests: named_digests(&loaded.composition)?,
+        ..cell
+    })
 }
 
 #[cfg(test)]
@@ -278,6 +310,27 @@ mod tests {
             draw(out).unwrap();
             assert_eq!(of("table.md").starts_with("small version"), is_quick);
             assert_eq!(of("chaining.svg").contains("(small version)"), is_quick);
+        }
+    }
+
+    #[test]
+    fn a_cell_names_its_command_and_what_it_was_measured_with() {
+        let evaluated = evaluation_of(&chaining_arguments(&["--episodes", "3"]));
+        assert_eq!(
+            command(&evaluated, "paper"),
+            "catena experiment chaining tasks/sequences/sock_then_trash.yaml --episodes 3 --seed 100 \
+             --level paper"
+        );
+        let composition = planned_with(ChainingMethod::Ours, &evaluated, root()).unwrap();
+        let digests = named_digests(&composition).unwrap();
+        let names = [
+            "model",
+            "graph of sock",
+            "graph of trash",
+            "demonstrations of sock",
+        ];
+        for name in names {
+            assert_eq!(digests.get(name).map(String::len), Some(64), "{name}");
         }
     }
 

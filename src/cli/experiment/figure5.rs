@@ -4,9 +4,10 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::digests::RECORDINGS_UNNAMED;
 use super::ingredients::Ingredients;
 use super::method::{Method, TABLE_3, chosen};
-use super::plan::{QUICK_NOTE, Size, digest, out};
+use super::plan::{QUICK_NOTE, Size, digest, out, training_command};
 use super::workshop::Workshop;
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
@@ -35,7 +36,7 @@ pub(super) fn figure_5(paper: &PaperArguments, arguments: &Arguments) -> Result<
                 let of = (method, demonstrations, seed);
                 let digest = digest_of(&workshop.ingredients, of, &size)?;
                 let file = curve_file(&out, method.name, seed);
-                let recipe = || Ok(recipe(method, demonstrations, &size, seed));
+                let recipe = || Ok(recipe(&workshop, of, &size));
                 let missing = workshop.missing::<LossCurve>(file, digest, recipe)?;
                 curves.extend(missing.map(|missing| (method, seed, missing)));
             }
@@ -51,11 +52,6 @@ fn curve_file(out: &Path, method: &str, seed: u64) -> PathBuf {
     out.join(format!("{method}_seed{seed}.json"))
 }
 
-/// The command behind a curve, without the folder that it works in.
-fn command(method: &Method, size: &Size, seed: u64) -> String {
-    format!("catena train ... {}", size.training(method, seed).join(" "))
-}
-
 /// The digest of what a curve of a method, a number of demonstrations and a seed depends on.
 fn digest_of(
     ingredients: &Ingredients,
@@ -67,13 +63,20 @@ fn digest_of(
 }
 
 /// What a curve would be made of now.
-fn recipe(method: &Method, demonstrations: usize, size: &Size, seed: u64) -> Recipe {
+fn recipe(
+    workshop: &Workshop<'_>,
+    (method, demonstrations, seed): (&Method, usize, u64),
+    size: &Size,
+) -> Recipe {
     let number = "the number of demonstrations";
-    let named = vec![
+    let command = training_command(&size.training(method, seed));
+    let mut named = workshop.recordings_now(demonstrations);
+    named.extend([
         Ingredient::Value(number, "/demonstrations", demonstrations.into()),
-        Ingredient::Commands(vec![command(method, size, seed)]),
-    ];
-    Ingredients::recipe(method, named, &["the recordings"])
+        Ingredient::Commands(vec![command]),
+    ]);
+    let ingredients = &workshop.ingredients;
+    ingredients.recipe(method, named, &[RECORDINGS_UNNAMED])
 }
 
 fn measure(
@@ -94,7 +97,8 @@ fn measure(
         seed,
         weights: model.as_ref().map_or(0, TrainedModel::weight_count),
         digest,
-        commands: vec![command(method, size, seed)],
+        commands: vec![training_command(&size.training(method, seed))],
+        digests: workshop.digests(method, &trained)?,
         commit: workshop.commit.clone(),
         is_quick: size.is_quick,
         config: model.map_or(Ok(serde_json::Value::Null), |m| {

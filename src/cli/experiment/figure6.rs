@@ -8,9 +8,10 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::digests::{Digests, RECORDINGS_UNNAMED};
 use super::ingredients::Ingredients;
 use super::method::{BC, Method, OURS, chosen};
-use super::plan::{QUICK_NOTE, Size, digest, out};
+use super::plan::{QUICK_NOTE, Size, digest, out, training_command};
 use super::workshop::{Trained, Workshop};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::baseline::goal_state;
@@ -100,6 +101,12 @@ struct CertaintyCell {
     /// Standard deviation over the episodes of each of these probabilities.
     deviations: Vec<f64>,
     digest: String,
+    /// The commands that made what was measured; older cells have none.
+    #[serde(default)]
+    commands: Vec<String>,
+    /// Digests of what it was measured with, by name; older cells have none.
+    #[serde(default)]
+    digests: Digests,
     commit: Option<String>,
     is_quick: bool,
 }
@@ -117,7 +124,7 @@ pub(super) fn figure_6(paper: &PaperArguments, arguments: &Arguments) -> Result<
             let mut lines = Vec::new();
             for line in LINES.iter().filter(|line| line.method == method) {
                 let digest = digest_of(&workshop.ingredients, line, demonstrations, &size)?;
-                let recipe = || Ok(recipe(&method, demonstrations, &size));
+                let recipe = || Ok(recipe(&workshop, &method, demonstrations, &size));
                 let file = cell_file(&out, line);
                 let missing = workshop.missing::<CertaintyCell>(file, digest, recipe)?;
                 lines.extend(missing.map(|missing| (line, missing)));
@@ -155,9 +162,10 @@ fn digest_of(
 }
 
 /// What a cell would be made of now.
-fn recipe(method: &Method, demonstrations: usize, size: &Size) -> Recipe {
+fn recipe(workshop: &Workshop<'_>, method: &Method, demonstrations: usize, size: &Size) -> Recipe {
     let number = |what, place, now: u64| Ingredient::Value(what, place, now.into());
-    let named = vec![
+    let mut named = workshop.recordings_now(demonstrations);
+    named.extend([
         number(
             "the number of demonstrations",
             "/demonstrations",
@@ -165,9 +173,16 @@ fn recipe(method: &Method, demonstrations: usize, size: &Size) -> Recipe {
         ),
         number("the number of episodes", "/episodes", size.episodes as u64),
         number("the seed of the first episode", "/seed", size.seed),
-    ];
-    let unnamed = ["the recordings", "the flags of the training"];
-    Ingredients::recipe(method, named, &unnamed)
+        Ingredient::Commands(vec![command(method, size)]),
+    ]);
+    let flags = "the flags of the training, where it does not name them";
+    let ingredients = &workshop.ingredients;
+    ingredients.recipe(method, named, &[RECORDINGS_UNNAMED, flags])
+}
+
+/// The training behind a cell as a command.
+fn command(method: &Method, size: &Size) -> String {
+    training_command(&size.training(method, size.training_seed))
 }
 
 /// Measures a line, training its method if need be.
@@ -188,6 +203,8 @@ fn measure(
     cell.demonstrations = demonstrations;
     cell.seed = size.seed;
     cell.digest = digest;
+    cell.commands = vec![command(method, size)];
+    cell.digests = workshop.digests(method, &trained)?;
     cell.commit.clone_from(&workshop.commit);
     cell.is_quick = size.is_quick;
     keep(&file, &cell)
@@ -284,6 +301,8 @@ fn summed_up(names: &[String], first: &[ActionDistribution]) -> CertaintyCell {
             .map(|(name, (mean, _))| (name, mean))
             .collect(),
         digest: String::new(),
+        commands: Vec::new(),
+        digests: Digests::new(),
         commit: None,
         is_quick: false,
     }
@@ -330,6 +349,18 @@ fn draw(out: &Path) -> Result<(), CliError> {
 mod tests {
     use super::*;
     use crate::cli::experiment::committed::{assert_kept, root, unflagged};
+
+    #[test]
+    fn a_cell_that_names_less_is_read() {
+        let cell = summed_up(&["left".to_owned()], &[]);
+        let mut older = serde_json::to_value(cell).unwrap();
+        for field in ["commands", "digests"] {
+            let fields = older.as_object_mut().unwrap();
+            assert!(fields.remove(field).is_some(), "{field}");
+        }
+        let read: CertaintyCell = serde_json::from_value(older).unwrap();
+        assert!(read.commands.is_empty() && read.digests.is_empty());
+    }
 
     #[test]
     fn a_table_with_a_cell_of_the_small_version_says_so() {

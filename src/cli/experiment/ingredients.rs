@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::digests::encoder_now;
 use super::given::Given;
 use super::method::{MVP, Method};
 use super::workshop::task_file;
@@ -78,12 +79,20 @@ impl Ingredients {
         [&self.recordings, &self.tasks, self.particulars(method)]
     }
 
+    /// The digest of the encoder that somebody else trained, of a method that has one.
+    pub(super) fn encoder_of(&self, method: &Method) -> Option<&str> {
+        let encoder = self.encoder.first().map(String::as_str);
+        encoder.filter(|_| method.name == MVP)
+    }
+
     /// What a cell of a method would be made of now: what it names, and what it does not, beside what none does.
     pub(super) fn recipe(
+        &self,
         method: &Method,
-        named: Vec<Ingredient>,
+        mut named: Vec<Ingredient>,
         unnamed: &[&'static str],
     ) -> Recipe {
+        named.extend(self.encoder_of(method).map(encoder_now));
         let unnamed = [unnamed, &Self::unnamed(method)].concat();
         Recipe { named, unnamed }
     }
@@ -96,7 +105,8 @@ impl Ingredients {
             "the version of catena",
         ];
         if method.name == MVP {
-            unnamed.push("the frozen encoder");
+            unnamed
+                .push("the frozen encoder, where it does not name it, and what is said beside it");
         }
         if method.has_memory {
             unnamed.push("how states are weighed in its training");
@@ -166,6 +176,22 @@ fn told_with(digest: String, left_out: usize, bags: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::experiment::method::{BC, TABLE_1};
+
+    #[test]
+    fn only_the_method_that_has_an_encoder_names_it() {
+        let ingredients = Ingredients {
+            encoder: vec!["ab".to_owned()],
+            ..Ingredients::default()
+        };
+        let named = |method: &Method| {
+            let recipe = ingredients.recipe(method, Vec::new(), &[]);
+            (ingredients.encoder_of(method), recipe.named.len())
+        };
+        let of_mvp = TABLE_1.iter().find(|method| method.name == MVP);
+        assert_eq!(named(of_mvp.unwrap()), (Some("ab"), 1));
+        assert_eq!(named(&BC), (None, 0));
+    }
 
     #[test]
     fn only_what_changes_which_recordings_come_first_is_told_beside_their_digest() {

@@ -113,6 +113,11 @@ impl Size {
     }
 }
 
+/// A method's training as cells keep it: a command without the folder that it works in.
+pub(super) fn training_command(words: &[String]) -> String {
+    format!("catena train ... {}", words.join(" "))
+}
+
 /// Numbers in rising order, each once: two jobs must not work in one folder.
 pub(super) fn rising(numbers: &[usize]) -> Vec<usize> {
     let mut numbers = numbers.to_vec();

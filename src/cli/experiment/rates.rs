@@ -1,15 +1,11 @@
 //! Tables I and III: how often each method does each task.
 
-use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
-
-use serde_json::Value;
 
 use super::ingredients::Ingredients;
 use super::method::{Method, TABLE_1, TABLE_3, chosen};
-use super::plan::{Size, digest, out, rising, with_note, with_version};
-use super::workshop::{Trained, Workshop, evaluation, recordings_name};
+use super::plan::{Size, digest, out, rising, training_command, with_note, with_version};
+use super::workshop::{Workshop, evaluation};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
 use crate::cli::kept::{Missing, keep, keep_text, kept};
@@ -18,7 +14,6 @@ use crate::experiment::{
     Evaluation, PAPER_TABLE_1, PAPER_TABLE_3, PAPER_TASKS, PublishedRate, RateCell,
     paper_rate_of_all, rate_of_all, rates_table,
 };
-use crate::storage::sha256_file;
 use crate::view::{Rate, write_rates_svg};
 
 /// An experiment of this kind.
@@ -204,7 +199,7 @@ impl<'a> Row<'a> {
                 interval_95: evaluation.interval_95,
                 digest,
                 commands: commands(method, &words, workshop.shown(trained, &command, None)),
-                digests: digests_of(trained)?,
+                digests: workshop.digests(method, trained)?,
                 commit: workshop.commit.clone(),
                 is_quick: size.is_quick,
                 evaluation,
@@ -261,12 +256,12 @@ fn recipe(
         &[]
     };
     named.push(Ingredient::Commands(commands));
-    Ok(Ingredients::recipe(method, named, unnamed))
+    Ok(workshop.ingredients.recipe(method, named, unnamed))
 }
 
 /// The commands behind a cell, in order, without the folder that they work in.
 fn commands(method: &Method, words: &[String], evaluation: String) -> Vec<String> {
-    let mut commands = vec![format!("catena train ... {}", words.join(" "))];
+    let mut commands = vec![training_command(words)];
     if !method.building().is_empty() {
         let building = method.building().join(" ");
         commands.push(format!("catena graph build ... {building}"));
@@ -275,25 +270,10 @@ fn commands(method: &Method, words: &[String], evaluation: String) -> Vec<String
     commands
 }
 
-/// Digests of a model's manifest and of the recordings that it says it was trained on.
-fn digests_of(trained: &Trained) -> Result<BTreeMap<String, String>, CliError> {
-    let file = trained.model.join("manifest.json");
-    let mut digests = BTreeMap::from([("model".to_owned(), sha256_file(&file)?)]);
-    let manifest: Value = fs::read(&file)
-        .ok()
-        .and_then(|text| serde_json::from_slice(&text).ok())
-        .unwrap_or_default();
-    let datasets = manifest["training"]["datasets"].as_object();
-    for (task, digest) in datasets.into_iter().flatten() {
-        if let Some(digest) = digest.as_str() {
-            digests.insert(recordings_name(task), digest.to_owned());
-        }
-    }
-    Ok(digests)
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
     use crate::cli::experiment::committed::{assert_kept, root, unflagged};
     use crate::cli::experiment::method::MVP;

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::digests::{Digests, RECORDINGS_UNNAMED};
 use super::ingredients::Ingredients;
 use super::method::{Method, OURS, TABLE_1, chosen};
 use super::plan::{Size, digest, out, with_note};
@@ -53,6 +54,12 @@ struct TimeCell {
     digest: String,
     commands: Vec<String>,
     commit: Option<String>,
+    /// Seed of the episode; older cells do not tell.
+    #[serde(default)]
+    seed: Option<u64>,
+    /// Digests of what it was measured with, by name; older cells have none.
+    #[serde(default)]
+    digests: Digests,
     /// Whether it is from a small version of the experiment; older cells do not tell.
     #[serde(default)]
     is_quick: bool,
@@ -107,6 +114,8 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
             digest,
             commands: vec![workshop.shown(&trained, &command, Some(engine))],
             commit: workshop.commit.clone(),
+            seed: Some(size.seed),
+            digests: workshop.digests(&method, &trained)?,
             is_quick: size.is_quick,
         };
         keep(&file, &cell)?;
@@ -166,12 +175,14 @@ fn recipe(
     let place = workshop.place(method, demonstrations, size, size.training_seed)?;
     let command = evaluation(method, &place, TASK, size);
     let command = workshop.shown(&place, &command, Some(engine));
-    let named = vec![
+    let mut named = workshop.recordings_now(demonstrations);
+    named.extend([
         Ingredient::Value("the number of processors", "/cores", cores.into()),
+        Ingredient::Value("the seed of the episode", "/seed", size.seed.into()),
         Ingredient::Commands(vec![command]),
-    ];
-    let unnamed = ["the recordings", "the flags of the training"];
-    Ok(Ingredients::recipe(&timed(method), named, &unnamed))
+    ]);
+    let unnamed = [RECORDINGS_UNNAMED, "the flags of the training"];
+    Ok(workshop.ingredients.recipe(&timed(method), named, &unnamed))
 }
 
 fn cell_file(out: &Path, method: &Method, demonstrations: usize, engine: &str) -> PathBuf {
@@ -273,6 +284,8 @@ mod tests {
             digest: String::new(),
             commands: Vec::new(),
             commit: None,
+            seed: Some(100),
+            digests: Digests::new(),
             is_quick: false,
         }
     }
@@ -324,6 +337,18 @@ mod tests {
         small.is_quick = true;
         let said = table(&[30], &[small]);
         assert!(said.starts_with("small version (--quick)"), "{said}");
+    }
+
+    #[test]
+    fn a_cell_that_names_less_is_read() {
+        let mut older = serde_json::to_value(cell("ours")).unwrap();
+        for field in ["seed", "digests", "is_quick"] {
+            let fields = older.as_object_mut().unwrap();
+            assert!(fields.remove(field).is_some(), "{field}");
+        }
+        let read: TimeCell = serde_json::from_value(older).unwrap();
+        assert_eq!((read.seed, read.is_quick), (None, false));
+        assert!(read.digests.is_empty());
     }
 
     #[test]

@@ -6,6 +6,7 @@ use std::sync::Mutex;
 use serde::de::DeserializeOwned;
 
 use super::commands::Commands;
+use super::digests::{Digests, digests_of, recordings_now};
 use super::given::recordings_in;
 use super::hold::{ensure_free, hold};
 use super::ingredients::{Ingredients, RECORDING_SEED};
@@ -113,6 +114,11 @@ impl<'a> Workshop<'a> {
         Missing::unless_kept_of_any_episodes::<T>(file, episodes, digest_of, replace, recipe)
     }
 
+    /// Digests of what a cell of a trained method was measured with.
+    pub(super) fn digests(&self, method: &Method, trained: &Trained) -> Result<Digests, CliError> {
+        digests_of(&trained.model, self.ingredients.encoder_of(method))
+    }
+
     /// The first recordings of each task as cells name them; none of a task that has not so many yet.
     pub(super) fn recordings_now(&self, demonstrations: usize) -> Vec<Ingredient> {
         let of_task = |task: &str| {
@@ -121,9 +127,7 @@ impl<'a> Workshop<'a> {
                 None => each_alone(recordings_in(&self.demos(task))),
             };
             let files = recordings.get(..demonstrations)?.concat();
-            let digest = demonstrations_digest(&files).ok()?;
-            let (what, place) = (format!("the recordings of {task}"), recordings_place(task));
-            Some(Ingredient::Digest(what, place, digest))
+            Some(recordings_now(task, demonstrations_digest(&files).ok()?))
         };
         PAPER_TASKS.into_iter().filter_map(of_task).collect()
     }
@@ -329,16 +333,6 @@ pub(super) fn evaluation(
 /// Files that are a recording each.
 fn each_alone(files: Vec<PathBuf>) -> Vec<Vec<PathBuf>> {
     files.into_iter().map(|file| vec![file]).collect()
-}
-
-/// Where a cell has the digest of a task's recordings, as a JSON pointer.
-fn recordings_place(task: &str) -> String {
-    format!("/digests/{}", recordings_name(task))
-}
-
-/// What a cell calls the digest of a task's recordings.
-pub(super) fn recordings_name(task: &str) -> String {
-    format!("demonstrations of {task}")
 }
 
 /// Where a task is described, below the root.
