@@ -22,13 +22,13 @@ fn experiment(folder: &Path, words: &[&str]) -> Output {
 }
 
 /// A cell as it is written.
-fn cell(file: &Path) -> serde_json::Value {
+pub(crate) fn cell(file: &Path) -> serde_json::Value {
     let text = fs::read(file).expect("a cell");
     serde_json::from_slice(&text).expect("JSON")
 }
 
 /// Holds a cell to naming the command behind it, its seed, and the model and recordings that it was measured with.
-fn ensure_named(file: &Path, command: &str) {
+pub(crate) fn ensure_named(file: &Path, command: &str) {
     let cell = cell(file);
     let first = cell["commands"][0].as_str().unwrap_or_default();
     assert!(first.starts_with(command), "{first}");

@@ -18,4 +18,6 @@ mod language;
 #[cfg(feature = "cli")]
 mod schemas;
 #[cfg(feature = "cli")]
+mod table_row;
+#[cfg(feature = "cli")]
 mod training;
