@@ -2,7 +2,9 @@
 //! averages so far, the optimiser's state and where the training is. Nothing random needs storing,
 //! since every step draws from the seed and its own number.
 
-use std::collections::{BTreeMap, BTreeSet};
+mod form;
+
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
@@ -12,14 +14,11 @@ use serde_json::{Map, Value};
 use super::course::Progress;
 use super::weights::NamedWeights;
 use super::{ChannelNormalisation, TrainingConfig, TrainingError};
-use crate::model::{ModelSpec, ValidationMetrics, sha256_hex};
+use crate::model::{ModelSpec, ValidationMetrics};
 use crate::training::export::write_beside;
 
 /// The file's name in the run folder.
 const FILE: &str = "checkpoint.safetensors";
-/// The key of everything that is no tensor.
-const STATE: &str = "catena";
-const OPTIMISER: &str = "optimiser";
 /// What configurations call the time limit.
 const TIME_LIMIT: &str = "max_minutes";
 /// What they call the number of steps.
@@ -43,6 +42,12 @@ pub struct Checkpoint<S = TrainingState> {
     pub optimiser: Vec<u8>,
 }
 
+/// Where a training is, as its checkpoint keeps it.
+pub trait CheckpointState: Serialize + DeserializeOwned {
+    /// Whether it tells of best weights, which are then kept beside it.
+    fn has_best(&self) -> bool;
+}
+
 /// Where a training is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainingState {
@@ -59,6 +64,12 @@ pub struct TrainingState {
     pub normalisation: Vec<ChannelNormalisation>,
     /// A fingerprint of the demonstrations.
     pub demonstrations: String,
+}
+
+impl CheckpointState for TrainingState {
+    fn has_best(&self) -> bool {
+        self.best.is_some()
+    }
 }
 
 /// The best weights so far.
@@ -125,14 +136,7 @@ fn differences(name: &str, found: &Value, wanted: &Value, differing: &mut Vec<St
     }
 }
 
-#[derive(Serialize, Deserialize)]
-struct Entry {
-    dtype: String,
-    shape: Vec<usize>,
-    data_offsets: [usize; 2],
-}
-
-impl<S: Serialize + DeserializeOwned> Checkpoint<S> {
+impl<S: CheckpointState> Checkpoint<S> {
     /// Where the checkpoint of a run lies.
     pub fn path(run_folder: &Path) -> PathBuf {
         run_folder.join(FILE)
@@ -173,203 +177,14 @@ impl<S: Serialize + DeserializeOwned> Checkpoint<S> {
                 });
             }
         };
-        Self::from_bytes(&bytes)
+        Self::from_bytes(bytes)
             .map(Some)
             .map_err(|reason| Self::unusable(run_folder, reason))
-    }
-
-    fn to_bytes(&self) -> Vec<u8> {
-        let mut data = Vec::new();
-        let mut header = BTreeMap::new();
-        for (part, weights) in [
-            ("weights", &self.weights),
-            ("average", &self.average),
-            ("best", &self.best),
-        ] {
-            for (index, tensor) in weights.iter().enumerate() {
-                let start = data.len();
-                data.extend(tensor.values.iter().flat_map(|v| v.to_le_bytes()));
-                // The number keeps the order of the parameters, which the format does not.
-                let name = format!("{part}.{index:03}.{}", tensor.name);
-                header.insert(name, entry("F32", tensor.shape.clone(), start, data.len()));
-            }
-        }
-        let start = data.len();
-        data.extend(&self.optimiser);
-        let shape = vec![self.optimiser.len()];
-        header.insert(OPTIMISER.to_owned(), entry("U8", shape, start, data.len()));
-        let state = serde_json::to_string(&self.state).expect("the state has a JSON form");
-        let metadata = BTreeMap::from([(STATE, state), ("sha256", sha256_hex(&data))]);
-        let mut json = serde_json::to_value(&header).expect("the header has a JSON form");
-        json["__metadata__"] = serde_json::to_value(metadata).expect("strings have a JSON form");
-        let mut json = json.to_string().into_bytes();
-        json.resize(json.len().next_multiple_of(8), b' ');
-        let mut bytes = (json.len() as u64).to_le_bytes().to_vec();
-        bytes.extend(json);
-        bytes.extend(data);
-        bytes
-    }
-
-    fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
-        let cut = || "it is cut off".to_owned();
-        let (length, rest) = bytes.split_first_chunk::<8>().ok_or_else(cut)?;
-        let length = usize::try_from(u64::from_le_bytes(*length)).map_err(|e| e.to_string())?;
-        let (json, data) = rest.split_at_checked(length).ok_or_else(cut)?;
-        let mut header: serde_json::Map<String, serde_json::Value> =
-            serde_json::from_slice(json).map_err(|e| format!("its header is damaged: {e}"))?;
-        let metadata = header.remove("__metadata__").unwrap_or_default();
-        let text = |key: &str| metadata[key].as_str().unwrap_or_default().to_owned();
-        if text("sha256") != sha256_hex(data) {
-            return Err("its contents do not match their SHA-256".to_owned());
-        }
-        let state = serde_json::from_str(&text(STATE))
-            .map_err(|e| format!("its training state is of another method or version: {e}"))?;
-        let mut checkpoint = Self {
-            state,
-            weights: Vec::new(),
-            average: Vec::new(),
-            best: Vec::new(),
-            optimiser: Vec::new(),
-        };
-        for (name, value) in header {
-            let entry: Entry = serde_json::from_value(value).map_err(|e| e.to_string())?;
-            let [start, end] = entry.data_offsets;
-            let raw = data.get(start..end).ok_or_else(cut)?;
-            checkpoint.put(&name, entry.shape, raw)?;
-        }
-        Ok(checkpoint)
-    }
-
-    fn put(&mut self, name: &str, shape: Vec<usize>, raw: &[u8]) -> Result<(), String> {
-        if name == OPTIMISER {
-            self.optimiser = raw.to_vec();
-            return Ok(());
-        }
-        let mut parts = name.splitn(3, '.');
-        let part = match parts.next() {
-            Some("weights") => &mut self.weights,
-            Some("average") => &mut self.average,
-            Some("best") => &mut self.best,
-            _ => return Err(format!("it holds an unknown tensor '{name}'")),
-        };
-        let name = parts.nth(1).unwrap_or_default().to_owned();
-        let values = raw
-            .chunks_exact(4)
-            .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-            .collect();
-        part.push(NamedWeights {
-            name,
-            shape,
-            values,
-        });
-        Ok(())
-    }
-}
-
-fn entry(dtype: &str, shape: Vec<usize>, start: usize, end: usize) -> Entry {
-    Entry {
-        dtype: dtype.to_owned(),
-        shape,
-        data_offsets: [start, end],
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::trajectory::ActionSpace;
+pub use form::in_old_form;
 
-    fn weights(name: &str, value: f32) -> NamedWeights {
-        NamedWeights {
-            name: name.to_owned(),
-            shape: vec![2],
-            values: vec![value, -value],
-        }
-    }
-
-    fn checkpoint() -> Checkpoint {
-        let names = ["z.last", "a.first"];
-        Checkpoint {
-            state: TrainingState {
-                progress: Progress {
-                    step: 7,
-                    spent_secs: 1.5,
-                    ..Progress::default()
-                },
-                best: None,
-                config: TrainingConfig::default(),
-                spec: ModelSpec {
-                    cameras: Vec::new(),
-                    stack: 2,
-                    action_space: ActionSpace::Primitives { names: Vec::new() },
-                    d_max: 5,
-                    latent_dim: 8,
-                },
-                normalisation: Vec::new(),
-                demonstrations: "ab".to_owned(),
-            },
-            weights: names.iter().map(|n| weights(n, 1.0)).collect(),
-            average: names.iter().map(|n| weights(n, 2.0)).collect(),
-            best: Vec::new(),
-            optimiser: vec![1, 2, 3],
-        }
-    }
-
-    #[test]
-    fn what_is_saved_is_loaded_in_the_same_order() {
-        let folder = tempfile::tempdir().unwrap();
-        assert_eq!(<Checkpoint>::load(folder.path()).unwrap(), None);
-        checkpoint().save(folder.path()).unwrap();
-        checkpoint().save(folder.path()).unwrap();
-        let loaded = Checkpoint::load(folder.path()).unwrap();
-        assert_eq!(loaded, Some(checkpoint()));
-        let files = std::fs::read_dir(folder.path()).unwrap().count();
-        assert_eq!(files, 1, "nothing is left beside it");
-    }
-
-    #[test]
-    fn another_training_is_told_by_what_differs_and_another_time_limit_is_none() {
-        let folder = Path::new("a.run");
-        let found = TrainingConfig::default();
-        let mut wanted = found.clone();
-        wanted.max_minutes = Some(5.0);
-        let check = |wanted: &TrainingConfig, others: &[(&str, bool)]| {
-            check_same(folder, [&found, wanted], others).map_err(|error| error.to_string())
-        };
-        let others = [("demonstrations", false), ("actions", true), ("eyes", true)];
-        check(&wanted, &others[..1]).unwrap();
-        let told = check(&wanted, &others).unwrap_err();
-        assert!(
-            told.contains("a.run") && told.contains("its actions differ"),
-            "{told}"
-        );
-        wanted.seed = 2;
-        wanted.network.dropout = 0.5;
-        let told = check(&wanted, &others).unwrap_err();
-        let dropout = found.network.dropout;
-        let differing = format!(
-            "its configurations (network.dropout is {dropout:?} there and 0.5 here, seed is 1 there and 2 here) differ"
-        );
-        assert!(told.contains(&differing), "{told}");
-        assert!(!told.contains("learning rate"), "{told}");
-    }
-
-    #[test]
-    fn damage_is_named_and_never_a_panic() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = checkpoint().save(folder.path()).unwrap();
-        let bytes = std::fs::read(&path).unwrap();
-        for length in [0, 7, 8, 60, bytes.len() - 1] {
-            std::fs::write(&path, &bytes[..length]).unwrap();
-            assert!(matches!(
-                <Checkpoint>::load(folder.path()),
-                Err(TrainingError::CheckpointUnusable { .. })
-            ));
-        }
-        let mut flipped = bytes.clone();
-        *flipped.last_mut().unwrap() ^= 1;
-        std::fs::write(&path, &flipped).unwrap();
-        let message = <Checkpoint>::load(folder.path()).unwrap_err().to_string();
-        assert!(message.contains("SHA-256"), "{message}");
-    }
-}
+#[cfg(test)]
+mod tests;

@@ -4,12 +4,10 @@ use burn::grad_clipping::GradientClippingConfig;
 use burn::module::Module;
 use burn::optim::{AdamWConfig, ModuleOptimizer};
 use burn::tensor::{Bytes, Tensor};
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 
-use super::checkpoint::Checkpoint;
+use super::checkpoint::{Checkpoint, CheckpointState};
 use super::encodings::{Encodings, gradients_of};
-use super::weights::{Average, NamedWeights, assign, collect};
+use super::weights::{Average, NamedWeights, assign, check_fit, collect};
 use super::{OptimiserConfig, TrainingError, TrainingEvent, TrainingObserver};
 
 /// A network with what a training changes beside it: its optimiser, the averages of its weights, and the best
@@ -78,14 +76,27 @@ impl<M: Module> Learner<M> {
     /// Goes on from a checkpoint, and gives the rest of it back.
     ///
     /// # Errors
-    /// [`TrainingError::CheckpointUnusable`] when its weights are of another network or its optimiser is damaged.
-    pub fn resume<S: Serialize + DeserializeOwned>(
+    /// [`TrainingError::CheckpointUnusable`] when weights or averages in it are of another network or its optimiser is
+    /// damaged.
+    pub fn resume<S: CheckpointState>(
         &mut self,
         checkpoint: Checkpoint<S>,
         config: &OptimiserConfig,
         run_folder: &Path,
     ) -> Result<S, TrainingError> {
         let unusable = |reason| Checkpoint::<S>::unusable(run_folder, reason);
+        let mut parts = vec![
+            ("weights", &checkpoint.weights),
+            ("averages", &checkpoint.average),
+        ];
+        // There are none before the first validation.
+        if !checkpoint.best.is_empty() {
+            parts.push(("best averages", &checkpoint.best));
+        }
+        for (part, weights) in parts {
+            check_fit(&self.network, weights)
+                .map_err(|reason| unusable(format!("its {part} do not fit: {reason}")))?;
+        }
         self.network = assign(self.network.clone(), &checkpoint.weights).map_err(unusable)?;
         self.optimiser = optimiser(config)
             .from_bytes(Bytes::from_bytes_vec(checkpoint.optimiser))
@@ -99,7 +110,7 @@ impl<M: Module> Learner<M> {
     ///
     /// # Errors
     /// [`TrainingError::Io`].
-    pub fn write_checkpoint<S: Serialize + DeserializeOwned>(
+    pub fn write_checkpoint<S: CheckpointState>(
         &mut self,
         state: S,
         step: u64,

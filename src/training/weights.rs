@@ -27,7 +27,13 @@ pub fn weight_count(weights: &[NamedWeights]) -> usize {
 /// The network with other values in its parameters, or the name of the first parameter that does not
 /// fit.
 pub fn assign<M: Module>(network: M, weights: &[NamedWeights]) -> Result<M, String> {
-    let present = collect(&network);
+    check_fit(&network, weights)?;
+    Ok(network.map(&mut Assigner { left: weights }))
+}
+
+/// Checks that values are there for all parameters of a network, or names the first one that does not fit.
+pub fn check_fit<M: Module>(network: &M, weights: &[NamedWeights]) -> Result<(), String> {
+    let present = collect(network);
     if present.len() != weights.len() {
         return Err(format!(
             "{} parameters for {}",
@@ -42,8 +48,16 @@ pub fn assign<M: Module>(network: M, weights: &[NamedWeights]) -> Result<M, Stri
                 want.name, want.shape, have.name, have.shape
             ));
         }
+        if have.values.len() != want.values.len() {
+            return Err(format!(
+                "parameter '{}' of shape {:?} has {} values",
+                want.name,
+                want.shape,
+                want.values.len()
+            ));
+        }
     }
-    Ok(network.map(&mut Assigner { left: weights }))
+    Ok(())
 }
 
 /// Averages of the weights over the last steps; they often do better than the last weights.

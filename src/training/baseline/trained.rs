@@ -7,7 +7,7 @@ use super::source::{feature_dim, grids_of, pictures_of};
 use super::{BaselineConfig, BaselineNetwork};
 use crate::model::{BaselineMethod, BaselineSpec, BaselineValidation, FeatureEncoder, sha256_hex};
 use crate::training::batch::Pictures;
-use crate::training::checkpoint::Checkpoint;
+use crate::training::checkpoint::{Checkpoint, CheckpointState};
 use crate::training::course::Progress;
 use crate::training::weights::{NamedWeights, assign, collect, weight_count};
 use crate::training::{ChannelNormalisation, Dataset, TrainingError};
@@ -58,6 +58,12 @@ pub(super) struct BestBaseline {
     pub step: u64,
     /// How well they do; the loss chose them.
     pub validation: BaselineValidation,
+}
+
+impl CheckpointState for BaselineState {
+    fn has_best(&self) -> bool {
+        self.best.is_some()
+    }
 }
 
 impl BaselineState {

@@ -1,4 +1,5 @@
 use super::*;
+use crate::training::checkpoint::in_old_form;
 use crate::training::synthetic::{self, Counting, sets};
 use crate::training::weights::{NamedWeights, collect};
 use crate::training::{LandmarkConfig, Preset, SilentObserver};
@@ -63,6 +64,71 @@ fn a_stopped_training_goes_on_to_the_same_weights() {
     assert_eq!(weights_of(&finished), weights_of(&uninterrupted));
     let of_run = TrainedModel::of_run(parts.path()).unwrap().unwrap();
     assert_eq!(collect(&of_run.network), weights_of(&uninterrupted));
+}
+
+/// The bytes of a checkpoint of a training that was stopped, in the form of an earlier version, whose checksum leaves the
+/// header out.
+fn stopped_in_old_form(folder: &Path) -> Vec<u8> {
+    let mut stopping = Counting {
+        stop_after: Some(5),
+        ..Counting::default()
+    };
+    on_cpu(&tiny(6), folder, &mut stopping).unwrap_err();
+    in_old_form(&std::fs::read(<Checkpoint>::path(folder)).unwrap())
+}
+
+#[test]
+fn a_checkpoint_of_an_earlier_version_is_gone_on_from() {
+    let [whole, parts] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let uninterrupted = on_cpu(&tiny(6), whole.path(), &mut SilentObserver).unwrap();
+    let old = stopped_in_old_form(parts.path());
+    std::fs::write(<Checkpoint>::path(parts.path()), old).unwrap();
+    let mut rest = Counting::default();
+    let resumed = on_cpu(&tiny(6), parts.path(), &mut rest).unwrap();
+    assert_eq!(rest.steps, 1);
+    assert_eq!(weights_of(&resumed), weights_of(&uninterrupted));
+}
+
+#[test]
+fn a_header_that_does_not_fit_the_network_is_told_before_it_is_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let old = stopped_in_old_form(folder.path());
+    // What comes right after these is changed: names in the network, or the key of the best weights.
+    for (mark, told) in [
+        ("\"weights.000.", "its weights do not fit"),
+        ("\"average.000.", "its averages do not fit"),
+        ("\"best.000.", "its best averages do not fit"),
+        (
+            "\\\"validations_without_gain\\\":0,\\\"",
+            "tell of the best weights",
+        ),
+    ] {
+        let mut damaged = old.clone();
+        let mut windows = old.windows(mark.len());
+        let at = windows.position(|window| window == mark.as_bytes());
+        damaged[at.expect(mark) + mark.len()] ^= 1;
+        std::fs::write(<Checkpoint>::path(folder.path()), damaged).unwrap();
+        let error = on_cpu(&tiny(6), folder.path(), &mut SilentObserver).unwrap_err();
+        let message = error.to_string();
+        assert!(
+            matches!(error, TrainingError::CheckpointUnusable { .. }) && message.contains(told),
+            "{mark}: {message}"
+        );
+    }
+}
+
+#[test]
+fn no_damage_to_a_header_of_an_earlier_version_is_a_panic() {
+    let folder = tempfile::tempdir().unwrap();
+    let old = stopped_in_old_form(folder.path());
+    let header = u64::from_le_bytes(old[..8].try_into().unwrap()) as usize;
+    for place in (8..8 + header).step_by(header / 100) {
+        let mut damaged = old.clone();
+        damaged[place] ^= 1_u8 << (place % 4);
+        std::fs::write(<Checkpoint>::path(folder.path()), damaged).unwrap();
+        // An error, or what it leaves out is of no weight.
+        let _ = on_cpu(&tiny(6), folder.path(), &mut SilentObserver);
+    }
 }
 
 /// The same demonstrations, whose actions go by other names.
