@@ -60,7 +60,7 @@ pub use config::{
 pub use dataset::{Dataset, Split, StateRef};
 pub use device::training_device;
 pub use error::TrainingError;
-pub use export::{export, export_baseline};
+pub use export::{export, export_baseline, is_model_file};
 pub use finished::FinishedModel;
 pub use landmarks::{GripperPractice, LandmarkConfig, Practised};
 pub use network::LatentFlowNetwork;

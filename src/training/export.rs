@@ -2,6 +2,7 @@
 
 mod baseline;
 mod files;
+mod folder;
 mod gated_unit;
 mod graphs;
 mod onnx;
@@ -10,4 +11,6 @@ mod transformer;
 
 pub use baseline::export_baseline;
 pub use files::export;
-pub(super) use files::{write_beside, write_folder};
+pub(super) use files::write_beside;
+pub use folder::is_model_file;
+pub(super) use folder::write_folder;

@@ -284,3 +284,28 @@ fn a_training_that_cannot_write_says_so_and_goes_on_when_it_can() {
     succeeded(&words);
     assert!(at("model").join("manifest.json").exists());
 }
+
+#[cfg(unix)]
+#[test]
+fn a_model_in_the_folder_where_its_user_stands_is_replaced_within_it() {
+    use std::os::unix::fs::MetadataExt;
+
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let demos = recorded(folder.path(), "wine", "2");
+    let (model, run, other) = (at("model"), at("run"), at("other"));
+    let flags = ["--preset", "tiny", "--steps", "2", "--run"];
+    let words = ["train", path(&demos), "--out", path(&model)];
+    succeeded(&[&words[..], &flags, &[path(&run)]].concat());
+    let identity = || fs::metadata(&model).expect("the folder").ino();
+    let before = (identity(), manifest(&model));
+    let words = ["train", path(&demos), "--seed", "6", "--out", "."];
+    let output = Command::new(env!("CARGO_BIN_EXE_catena"))
+        .args([&words[..], &flags, &[path(&other)]].concat())
+        .current_dir(&model)
+        .output()
+        .expect("the command starts");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert_eq!(identity(), before.0, "it is still the same folder");
+    assert_ne!(manifest(&model)["files"], before.1["files"]);
+}

@@ -1,22 +1,8 @@
 use std::path::Path;
 
 use crate::cli::error::CliError;
-use crate::model::{
-    ENCODER_FILE, LANDMARKS_FILE, MANIFEST_FILE, POLICY_FILE, PROJECTION_FILE, TRAVERSABILITY_FILE,
-};
 use crate::storage::what_would_be_lost;
-
-/// All files that a model's or a baseline's folder may hold.
-const MODEL_FILES: [&str; 6] = [
-    ENCODER_FILE,
-    PROJECTION_FILE,
-    TRAVERSABILITY_FILE,
-    POLICY_FILE,
-    LANDMARKS_FILE,
-    MANIFEST_FILE,
-];
-/// How the name of one ends that a killed export left.
-const UNFINISHED: &str = ".partial";
+use crate::training::is_model_file;
 
 /// Checks that a model can be written to a place that is not there, empty, or another model's, so that nothing else is
 /// lost.
@@ -25,11 +11,7 @@ pub(super) fn check_model_place(out: &Path) -> Result<(), CliError> {
     if out.is_file() {
         return Err(CliError::OutIsFile { path });
     }
-    let is_of_model = |name: &str| {
-        let finished = name.strip_suffix(UNFINISHED).unwrap_or(name);
-        MODEL_FILES.contains(&finished)
-    };
-    match what_would_be_lost(out, is_of_model)? {
+    match what_would_be_lost(out, is_model_file)? {
         None => Ok(()),
         Some(what) => Err(CliError::OutHoldsOthers { path, what }),
     }
@@ -48,10 +30,9 @@ mod tests {
         check_model_place(&out).unwrap();
         fs::create_dir(&out).unwrap();
         check_model_place(&out).unwrap();
-        for file in MODEL_FILES {
+        for file in ["landmarks.json", "manifest.json", "policy.onnx.partial"] {
             fs::write(out.join(file), "").unwrap();
         }
-        fs::write(out.join("policy.onnx.partial"), "").unwrap();
         check_model_place(&out).unwrap();
         let precious = out.join("thesis.tex");
         fs::write(&precious, "years").unwrap();

@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::files::write_folder;
+use super::folder::write_folder;
 use super::graphs::{camera_encoder, dense, of_cameras};
 use super::onnx::{Attribute, OnnxGraph};
 use super::{gated_unit, tokens, transformer};
@@ -13,8 +13,8 @@ use crate::training::evaluation::values;
 /// Writes a baseline as ONNX files with a manifest, and returns the manifest. A frozen encoder is copied as
 /// it is.
 ///
-/// A new folder is written beside its place and renamed, so it appears complete or not at all. `datasets` are
-/// digests of the demonstrations by the name of their set; they are kept in the manifest.
+/// The folder takes the place of an older one as for [`export`](fn@crate::training::export). `datasets` are digests of the
+/// demonstrations by the name of their set; they are kept in the manifest.
 ///
 /// # Errors
 /// [`TrainingError::Io`] when a file cannot be written.

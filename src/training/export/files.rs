@@ -1,20 +1,24 @@
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
 
+use super::folder::write_folder;
 use super::graphs;
 use crate::model::{
-    ENCODER_FILE, LANDMARKS_FILE, MANIFEST_FILE, MODEL_FORMAT_VERSION, ModelManifest, POLICY_FILE,
+    ENCODER_FILE, LANDMARKS_FILE, MODEL_FORMAT_VERSION, ModelManifest, POLICY_FILE,
     PROJECTION_FILE, TRAVERSABILITY_FILE, TrainingRecord, file_digests,
 };
 use crate::training::{TrainedModel, TrainingError};
 
+/// How the name of a file ends that is not written to its end.
+pub(super) const UNFINISHED: &str = ".partial";
+
 /// Writes a model as ONNX files with a manifest, and returns the manifest.
 ///
-/// A new folder is written beside its place and renamed, so it appears complete or not at all. In a
-/// folder that is there each file is replaced as a whole, the manifest last; a crash in between is
-/// noticed when the model is loaded, since the digests then disagree. `datasets` are digests of the
-/// demonstrations by the name of their set; they are kept in the manifest.
+/// The folder is written beside its place, which it then takes: whatever goes wrong, an older model there is whole or the
+/// new one is, and what else lies there stays. A folder that cannot be moved, such as one that is mounted, is written into
+/// once all files are on the disk. `datasets` are digests of the demonstrations by the name of their set; they are kept in
+/// the manifest.
 ///
 /// # Errors
 /// [`TrainingError::Io`] when a file cannot be written.
@@ -41,32 +45,6 @@ pub fn export(
     let manifest = manifest(model, datasets, &files);
     write_folder(folder, &files, &manifest.to_json())?;
     Ok(manifest)
-}
-
-/// Writes the files of a folder and its manifest; a new folder appears complete or not at all.
-///
-/// # Errors
-/// [`TrainingError::Io`].
-pub fn write_folder(
-    folder: &Path,
-    files: &[(impl AsRef<str>, Vec<u8>)],
-    manifest: &[u8],
-) -> Result<(), TrainingError> {
-    let new = !folder.exists();
-    let target = if new {
-        beside(folder)
-    } else {
-        folder.to_owned()
-    };
-    std::fs::create_dir_all(&target).map_err(failed("create", &target))?;
-    for (name, bytes) in files {
-        write_beside(&target.join(name.as_ref()), bytes)?;
-    }
-    write_beside(&target.join(MANIFEST_FILE), manifest)?;
-    if new {
-        std::fs::rename(&target, folder).map_err(failed("rename", &target))?;
-    }
-    Ok(())
 }
 
 fn manifest(
@@ -97,11 +75,7 @@ fn manifest(
 /// [`TrainingError::Io`].
 pub fn write_beside(path: &Path, bytes: &[u8]) -> Result<(), TrainingError> {
     let temporary = beside(path);
-    let written = std::fs::File::create(&temporary).and_then(|mut file| {
-        file.write_all(bytes)?;
-        file.sync_all()
-    });
-    if let Err(source) = written {
+    if let Err(source) = write_to_disk(&temporary, bytes) {
         // What was written of it is of no use to anybody.
         let _ = std::fs::remove_file(&temporary);
         return Err(failed("write", path)(source));
@@ -109,16 +83,24 @@ pub fn write_beside(path: &Path, bytes: &[u8]) -> Result<(), TrainingError> {
     std::fs::rename(&temporary, path).map_err(failed("rename to", path))
 }
 
+/// Writes a file and hands it to the disk.
+pub(super) fn write_to_disk(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = std::fs::File::create(path)?;
+    file.write_all(bytes)?;
+    file.sync_all()
+}
+
 fn beside(path: &Path) -> std::path::PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".partial");
+    name.push(UNFINISHED);
     path.with_file_name(name)
 }
 
-fn failed<'a>(
+/// What could not be done with a file or folder.
+pub(super) fn failed<'a>(
     action: &'static str,
     path: &'a Path,
-) -> impl FnOnce(std::io::Error) -> TrainingError + 'a {
+) -> impl FnOnce(io::Error) -> TrainingError + 'a {
     move |source| TrainingError::Io {
         action,
         path: path.to_owned(),
@@ -129,6 +111,7 @@ fn failed<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::MANIFEST_FILE;
     use crate::training::{Dataset, Preset, synthetic};
 
     fn model(seed: u64) -> TrainedModel {
