@@ -153,11 +153,16 @@ impl<S: CheckpointState> Checkpoint<S> {
     /// Writes the checkpoint beside the old one and then takes its place.
     ///
     /// # Errors
-    /// [`TrainingError::Io`], such as a full disk; the old checkpoint is then still there.
+    /// [`TrainingError::CheckpointNotReplaced`], such as for a full disk, where an older one is there and stays so,
+    /// [`TrainingError::Io`] where none is.
     pub fn save(&self, run_folder: &Path) -> Result<PathBuf, TrainingError> {
         let path = Self::path(run_folder);
-        write_beside(&path, &self.to_bytes())?;
-        Ok(path)
+        match write_beside(&path, &self.to_bytes()) {
+            Err(TrainingError::Io { source, .. }) if path.is_file() => {
+                Err(TrainingError::CheckpointNotReplaced { path, source })
+            }
+            written => written.map(|()| path),
+        }
     }
 
     /// Reads the checkpoint of a run, if there is one.

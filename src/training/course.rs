@@ -117,7 +117,7 @@ pub trait Course {
     /// Writes a checkpoint.
     ///
     /// # Errors
-    /// [`TrainingError::Io`].
+    /// [`TrainingError::Io`], [`TrainingError::CheckpointNotReplaced`].
     fn write_checkpoint(
         &mut self,
         observer: &mut dyn TrainingObserver,

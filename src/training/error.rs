@@ -207,6 +207,16 @@ pub enum TrainingError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A checkpoint could not be written in the place of an earlier one, which is still there.
+    #[error(
+        "cannot write {path}: {source}; the checkpoint of an earlier step is still there, and --resume goes on from it"
+    )]
+    CheckpointNotReplaced {
+        /// The file.
+        path: PathBuf,
+        /// What the system said, such as a full disk.
+        source: std::io::Error,
+    },
     /// The checkpoint was written for other demonstrations or another configuration.
     #[error(
         "the checkpoint {path} belongs to another training: its {what} differ{why}; give the same, use another run folder, \

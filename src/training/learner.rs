@@ -109,7 +109,7 @@ impl<M: Module> Learner<M> {
     /// Writes all that [`resume`](Self::resume) needs, after so many steps.
     ///
     /// # Errors
-    /// [`TrainingError::Io`].
+    /// As [`Checkpoint::save`].
     pub fn write_checkpoint<S: CheckpointState>(
         &mut self,
         state: S,

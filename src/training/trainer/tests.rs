@@ -66,6 +66,36 @@ fn a_stopped_training_goes_on_to_the_same_weights() {
     assert_eq!(collect(&of_run.network), weights_of(&uninterrupted));
 }
 
+#[test]
+fn a_checkpoint_that_cannot_be_written_leaves_the_older_one_to_go_on_from() {
+    let [whole, parts] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let uninterrupted = on_cpu(&tiny(12), whole.path(), &mut SilentObserver).unwrap();
+    let mut stopping = Counting {
+        stop_after: Some(5),
+        ..Counting::default()
+    };
+    on_cpu(&tiny(12), parts.path(), &mut stopping).unwrap_err();
+    let path = <Checkpoint>::path(parts.path());
+    let older = std::fs::read(&path).unwrap();
+    // A folder where the file is drafted cannot be written over.
+    let draft = parts.path().join("checkpoint.safetensors.partial");
+    std::fs::create_dir(&draft).unwrap();
+    let error = on_cpu(&tiny(12), parts.path(), &mut SilentObserver).unwrap_err();
+    assert!(
+        matches!(error, TrainingError::CheckpointNotReplaced { .. }),
+        "{error}"
+    );
+    let message = error.to_string();
+    assert!(
+        message.contains("checkpoint.safetensors: ") && message.contains("is still there"),
+        "{message}"
+    );
+    assert_eq!(std::fs::read(&path).unwrap(), older);
+    std::fs::remove_dir(&draft).unwrap();
+    let resumed = on_cpu(&tiny(12), parts.path(), &mut SilentObserver).unwrap();
+    assert_eq!(weights_of(&resumed), weights_of(&uninterrupted));
+}
+
 /// The bytes of a checkpoint of a training that was stopped, in the form of an earlier version, whose checksum leaves the
 /// header out.
 fn stopped_in_old_form(folder: &Path) -> Vec<u8> {
