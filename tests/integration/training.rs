@@ -237,6 +237,50 @@ fn a_training_that_has_not_begun_ends_at_once_with_its_input() {
     }
 }
 
+#[test]
+fn a_training_that_is_killed_after_a_checkpoint_goes_on_to_the_same_model() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let demos = recorded(folder.path(), "wine", "2");
+    let words_of = |out: &Path, more: &[&'static str]| -> Vec<String> {
+        let words = ["train", path(&demos), "--preset", "tiny"];
+        let flags = ["--steps", "200", "--seed", "5", "--out", path(out)];
+        let words = [&words[..], &flags, more].concat();
+        words.into_iter().map(str::to_owned).collect()
+    };
+    let done = |words: &[String]| {
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        succeeded(&words)
+    };
+    done(&words_of(&at("once"), &[]));
+    let started = Command::new(env!("CARGO_BIN_EXE_catena"))
+        .args(words_of(&at("cut"), &[]))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn();
+    let mut training = started.expect("the command starts");
+    // Where the run folder is, unless it is named; the first of ten checkpoints.
+    let checkpoint = at("cut.run").join("checkpoint.safetensors");
+    wait_until(|| checkpoint.is_file());
+    training.kill().expect("it is killed");
+    training.wait().expect("it has ended");
+    assert!(checkpoint.is_file(), "it came to a checkpoint");
+    assert!(!at("cut").exists(), "it was in the middle");
+    let said = done(&words_of(&at("cut"), &["--resume"]));
+    assert!(!said.contains("the training begins"), "{said}");
+    for name in [
+        "encoder.onnx",
+        "projection.onnx",
+        "traversability.onnx",
+        "policy.onnx",
+        "manifest.json",
+    ] {
+        let [once, cut] = ["once", "cut"].map(|model| fs::read(at(model).join(name)));
+        let [once, cut] = [once, cut].map(|bytes| bytes.expect(name));
+        assert!(once == cut, "{name} differs");
+    }
+}
+
 /// A limit on the size of files is what a shell can set of a disk that is full.
 #[cfg(unix)]
 #[test]
