@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::digests::RECORDINGS_UNNAMED;
 use super::ingredients::Ingredients;
 use super::method::{Method, TABLE_3, chosen};
-use super::plan::{QUICK_NOTE, Size, digest, out, training_command};
+use super::plan::{QUICK_NOTE, Size, digest, out, training_command, with_version};
 use super::workshop::Workshop;
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
@@ -191,8 +191,7 @@ fn title(curves: &[&LossCurve], is_quick: bool) -> String {
         [seed] => format!("seed {seed}"),
         _ => format!("mean of the seeds {}", seeds.join(", ")),
     };
-    let version = if is_quick { " (small version)" } else { "" };
-    format!("Loss on held-out demonstrations, {of}{version}")
+    with_version(&format!("Loss on held-out demonstrations, {of}"), is_quick)
 }
 
 #[cfg(test)]
@@ -243,6 +242,7 @@ mod tests {
             commit: None,
             is_quick: false,
             config: serde_json::Value::Null,
+            digests: std::collections::BTreeMap::new(),
             points: [(10, losses[0]), (20, losses[1])].map(point).to_vec(),
         }
     }

@@ -1,6 +1,7 @@
 use std::path::Path;
 
 use super::super::method::OURS;
+use super::super::plan::with_version;
 use super::{CertaintyCell, LISTED, Line, NAME, TASK};
 use crate::cli::error::CliError;
 use crate::experiment::mean_interval_95;
@@ -11,8 +12,8 @@ pub(super) fn draw(out: &Path, cells: &[(&Line, CertaintyCell)]) -> Result<(), C
     let rates = cells.iter().flat_map(|(line, cell)| rates(line, cell));
     let rates: Vec<Rate> = rates.collect();
     let is_quick = cells.iter().any(|(_, cell)| cell.is_quick);
-    let version = if is_quick { " (small version)" } else { "" };
-    let title = format!("First action of {TASK}: mean probability, 95 % interval{version}");
+    let title = format!("First action of {TASK}: mean probability, 95 % interval");
+    let title = with_version(&title, is_quick);
     let file = out.join(format!("{NAME}.svg"));
     Ok(write_rates_svg(&file, &rates, &title, None)?)
 }

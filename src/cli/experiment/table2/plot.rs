@@ -1,6 +1,7 @@
 use std::path::Path;
 
 use super::super::method::Method;
+use super::super::plan::with_version;
 use super::{ENGINES, NAME, PAPER, TimeCell};
 use crate::cli::error::CliError;
 use crate::view::{Timing, write_times_svg};
@@ -19,7 +20,8 @@ pub(super) fn draw(
     let timings: Vec<Timing> = timings.collect();
     let engines = ENGINES.map(|(_, described)| described);
     let file = out.join(format!("{NAME}.svg"));
-    Ok(write_times_svg(&file, &timings, &engines, TITLE)?)
+    let title = with_version(TITLE, cells.iter().any(|cell| cell.is_quick));
+    Ok(write_times_svg(&file, &timings, &engines, &title)?)
 }
 
 /// What was measured of a method, and what the paper has of it.
