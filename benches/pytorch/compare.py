@@ -10,12 +10,13 @@ import argparse
 import csv
 import json
 import os
+import platform
 import re
 import struct
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 VALIDATED = re.compile(r"step +(\d+): held out")
@@ -117,6 +118,22 @@ def table(catena: Course, pairs: Course, losses: list[float]) -> str:
     return "\n".join(lines)
 
 
+def keep(path: Path, run: Path, catena: Course, pairs: Course) -> None:
+    """Writes both courses, what catena's run says of itself, and the machine that this runs on."""
+    made = json.loads((run / "run.json").read_text())
+    processors = Path("/proc/cpuinfo")
+    names = re.findall(r"model name\s*: (.+)", processors.read_text()) if processors.exists() else []
+    kept = {
+        "machine": {"processor": names[0] if names else platform.processor(), "count": os.cpu_count()},
+        "run": {key: made.get(key) for key in ("version", "commit", "seed", "device")},
+        "catena": asdict(catena),
+        "pair_by_pair": asdict(pairs),
+    }
+    draft = path.with_name(path.name + ".partial")
+    draft.write_text(json.dumps(kept, indent=1) + "\n")
+    draft.replace(path)
+
+
 def run_catena(arguments: argparse.Namespace) -> None:
     """Trains with catena and writes down when each validation was done."""
     # As many threads as the other side has.
@@ -125,6 +142,10 @@ def run_catena(arguments: argparse.Namespace) -> None:
     command += ["--seed", str(arguments.seed), "--minutes", str(arguments.minutes)]
     command += ["--steps", str(arguments.steps)] if arguments.steps else []
     command += ["--run", arguments.out / "catena.run", "--out", arguments.out / "model"]
+    # JSON is YAML.
+    config = arguments.out / "catena.yaml"
+    config.write_text(json.dumps({"validate_every_steps": arguments.validate_every}))
+    command += ["--config", config]
     seconds, started = [], time.perf_counter()
     with (arguments.out / "catena.log").open("w") as log:
         process = subprocess.Popen(
@@ -147,6 +168,7 @@ def run_pairs(arguments: argparse.Namespace) -> None:
     command = [sys.executable, Path(__file__).with_name("train_pairs.py"), *arguments.demos]
     command += ["--preset", arguments.preset, "--seed", str(arguments.seed), "--threads", str(arguments.threads)]
     command += ["--minutes", str(arguments.pairs_minutes or arguments.minutes), "--pairs", str(arguments.pairs)]
+    command += ["--validate-every", str(arguments.validate_every)]
     command += ["--steps", str(arguments.steps)] if arguments.steps else []
     command += ["--csv", arguments.out / "pairs.csv"]
     subprocess.run(command, check=True)
@@ -163,11 +185,13 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--minutes", type=float, default=30.0, help="of each training")
     parser.add_argument("--pairs-minutes", type=float, help="of the training pair by pair, where it is to have more")
     parser.add_argument("--threads", type=int, default=os.cpu_count())
+    parser.add_argument("--validate-every", type=int, default=250, metavar="STEPS")
     parser.add_argument("--pairs", type=int, default=48)
     parser.add_argument("--at", type=float, nargs="+", default=[], metavar="LOSS", help="losses of the table")
     parser.add_argument("--catena-run", type=Path, help="run folder of catena train instead of OUT/catena.run")
     parser.add_argument("--catena-log", type=Path, help="what catena train printed instead of OUT/catena.log")
     parser.add_argument("--pairs-csv", type=Path, help="losses of train_pairs.py instead of OUT/pairs.csv")
+    parser.add_argument("--json", type=Path, help="where both courses are kept, with the machine")
     arguments = parser.parse_args()
     if bool(arguments.catena) != bool(arguments.demos):
         parser.error("to train, name both the catena program and the folders of the demonstrations")
@@ -185,7 +209,10 @@ def main() -> None:
     # Times and log of one run say nothing of another.
     folder = run if arguments.catena_run else out
     catena = catena_course(run, folder / "catena_seconds.csv", arguments.catena_log or folder / "catena.log")
-    print(table(catena, pairs_course(arguments.pairs_csv or out / "pairs.csv"), arguments.at))
+    pairs = pairs_course(arguments.pairs_csv or out / "pairs.csv")
+    print(table(catena, pairs, arguments.at))
+    if arguments.json:
+        keep(arguments.json, run, catena, pairs)
 
 
 if __name__ == "__main__":
