@@ -239,6 +239,15 @@ pub enum TrainingError {
         /// The folder.
         run_folder: PathBuf,
     },
+    /// Another process writes the folder of a model.
+    #[error(
+        "another process is writing a model to {folder}: call again once it has ended (a training with --resume), or name \
+         another folder with --out"
+    )]
+    ModelInUse {
+        /// The folder.
+        folder: PathBuf,
+    },
     /// A file or folder could not be read or written.
     #[error("cannot {action} {path}: {source}")]
     Io {

@@ -1,5 +1,6 @@
 //! Writes a trained network, ours or a baseline, as ONNX files with a manifest.
 
+mod alone;
 mod baseline;
 mod files;
 mod folder;
@@ -13,4 +14,4 @@ pub use baseline::export_baseline;
 pub use files::export;
 pub(super) use files::write_beside;
 pub use folder::is_model_file;
-pub(super) use folder::write_folder;
+pub(super) use folder::{recover_folder, write_folder};

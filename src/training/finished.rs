@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::export::write_folder;
+use super::export::{recover_folder, write_folder};
 use super::landmarks::learn_offsets;
 use super::{Dataset, GripperPractice, Practised, TrainingConfig, TrainingError};
 use crate::model::{
@@ -20,12 +20,14 @@ pub struct FinishedModel {
 }
 
 impl FinishedModel {
-    /// Reads a model's folder.
+    /// Reads a model's folder. One that a process which was killed had moved away, to put another in its place, is brought
+    /// back.
     ///
     /// # Errors
     /// [`TrainingError::Io`] for a file that cannot be read, [`TrainingError::ModelRefused`] for one that is not what
-    /// the manifest says, or a manifest of another version.
+    /// the manifest says, or a manifest of another version, [`TrainingError::ModelInUse`] while another takes its place.
     pub fn load(folder: &Path) -> Result<Self, TrainingError> {
+        recover_folder(folder)?;
         let refused = |source: ManifestError| TrainingError::ModelRefused {
             folder: folder.to_path_buf(),
             source,
@@ -68,7 +70,8 @@ impl FinishedModel {
     /// and practice by the name of their set.
     ///
     /// # Errors
-    /// What [`GripperPractice::teach`] refuses, [`TrainingError::Encoder`], and [`TrainingError::Io`].
+    /// What [`GripperPractice::teach`] refuses, [`TrainingError::Encoder`], [`TrainingError::Io`], and
+    /// [`TrainingError::ModelInUse`].
     ///
     /// # Panics
     /// Never: what is known of landmarks has a JSON form.

@@ -17,7 +17,8 @@ use crate::training::evaluation::values;
 /// demonstrations by the name of their set; they are kept in the manifest.
 ///
 /// # Errors
-/// [`TrainingError::Io`] when a file cannot be written.
+/// [`TrainingError::Io`] when a file cannot be written, [`TrainingError::ModelInUse`] while another process writes the
+/// folder.
 ///
 /// # Panics
 /// Never: a configuration has a JSON form.

@@ -21,7 +21,8 @@ pub(super) const UNFINISHED: &str = ".partial";
 /// the manifest.
 ///
 /// # Errors
-/// [`TrainingError::Io`] when a file cannot be written.
+/// [`TrainingError::Io`] when a file cannot be written, [`TrainingError::ModelInUse`] while another process writes the
+/// folder.
 ///
 /// # Panics
 /// Never: what is known of landmarks has a JSON form.

@@ -5,6 +5,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::alone::Alone;
 use super::files::{UNFINISHED, failed, write_to_disk};
 use crate::model::{
     ENCODER_FILE, LANDMARKS_FILE, MANIFEST_FILE, POLICY_FILE, PROJECTION_FILE, TRAVERSABILITY_FILE,
@@ -21,6 +22,9 @@ const MODEL_FILES: [&str; 6] = [
     MANIFEST_FILE,
 ];
 
+/// How the name of the hidden neighbour ends to which an older folder is moved.
+const PREVIOUS: &str = "previous";
+
 /// Whether a file of this name in the folder of a model or a baseline is part of it, or was left by an export that was
 /// killed. Any other file stays when another model takes the place.
 #[must_use]
@@ -29,12 +33,14 @@ pub fn is_model_file(name: &str) -> bool {
 }
 
 /// Writes files and their manifest as a folder, which takes the place of one that is there: at each moment the old files
-/// are on the disk as a whole, or the new ones. What else lies in the folder stays.
+/// are on the disk as a whole, or the new ones. What else lies in the folder stays. A folder that cannot be moved is written
+/// into, the manifest last: who is killed while files take their places leaves some of both, which their digests tell.
 ///
 /// A process that is killed leaves at most hidden neighbours of the folder, of which the next call makes use.
 ///
 /// # Errors
-/// [`TrainingError::Io`]; the old files are then still there.
+/// [`TrainingError::Io`]; the old files are then still there. [`TrainingError::ModelInUse`] while another process writes the
+/// folder.
 pub fn write_folder(
     folder: &Path,
     files: &[(impl AsRef<str>, Vec<u8>)],
@@ -47,12 +53,25 @@ pub fn write_folder(
         all.push((name.as_ref(), bytes.as_slice()));
     }
     all.push((MANIFEST_FILE, manifest));
+    let _alone = Alone::with(&folder)?;
     settle(&folder)?;
     check_place(&folder, &all)?;
     if is_stood_in(&folder) || !swap(&folder, &all)? {
         write_within(&folder, &all)?;
     }
     Ok(())
+}
+
+/// Brings back a folder that a process which was killed had moved away, so that it can be read.
+///
+/// # Errors
+/// [`TrainingError::Io`] when it cannot be moved, [`TrainingError::ModelInUse`] while another process replaces it.
+pub fn recover_folder(folder: &Path) -> Result<(), TrainingError> {
+    if folder.exists() || !neighbour(folder, PREVIOUS).exists() {
+        return Ok(());
+    }
+    let _alone = Alone::with(folder)?;
+    bring_back(folder)
 }
 
 /// Checks that what is there is a folder that is not protected, in which no folder has the name of a file that is to be
@@ -65,7 +84,8 @@ fn check_place(folder: &Path, files: &[(&str, &[u8])]) -> Result<(), TrainingErr
     if !there.is_dir() {
         return refused(folder, io::ErrorKind::NotADirectory);
     }
-    if there.permissions().readonly() {
+    // Of a folder of Windows this says something else.
+    if cfg!(unix) && there.permissions().readonly() {
         return refused(folder, io::ErrorKind::PermissionDenied);
     }
     let mut paths = files.iter().map(|(name, _)| folder.join(name));
@@ -83,11 +103,11 @@ fn is_stood_in(folder: &Path) -> bool {
 /// Writes files beside a folder, whose place they then take. Tells whether that could be: not where the folder cannot be
 /// moved or nothing made beside it.
 fn swap(folder: &Path, files: &[(&str, &[u8])]) -> Result<bool, TrainingError> {
-    let [draft, previous] = ["partial", "previous"].map(|ending| neighbour(folder, ending));
+    let [draft, previous] = ["partial", PREVIOUS].map(|ending| neighbour(folder, ending));
     let is_new = !folder.exists();
     if let Err(source) = make_empty(&draft) {
         return if is_new {
-            Err(failed("create", &draft)(source))
+            Err(failed("create", folder)(source))
         } else {
             Ok(false)
         };
@@ -141,15 +161,24 @@ fn write_all(
     Ok(())
 }
 
-/// Brings back a folder that was moved away where nothing has taken its place; from one whose place is taken it brings
-/// what was no part of the model, and removes the rest.
+/// Brings back a folder that was moved away where nothing has taken its place, or an empty folder has.
+fn bring_back(folder: &Path) -> Result<(), TrainingError> {
+    let previous = neighbour(folder, PREVIOUS);
+    // Only a folder in which nothing lies can be removed so.
+    let is_free = || !folder.exists() || fs::remove_dir(folder).is_ok();
+    if previous.exists() && is_free() {
+        fs::rename(&previous, folder).map_err(failed("bring back", folder))?;
+    }
+    Ok(())
+}
+
+/// Brings back a folder that was moved away; from one whose place is taken it brings what was no part of the model, and
+/// removes the rest.
 fn settle(folder: &Path) -> Result<(), TrainingError> {
-    let previous = neighbour(folder, "previous");
+    bring_back(folder)?;
+    let previous = neighbour(folder, PREVIOUS);
     if !previous.exists() {
         return Ok(());
-    }
-    if !folder.exists() {
-        return fs::rename(&previous, folder).map_err(failed("bring back", folder));
     }
     for entry in fs::read_dir(&previous).map_err(failed("read", &previous))? {
         let entry = entry.map_err(failed("read", &previous))?;
@@ -158,7 +187,10 @@ fn settle(folder: &Path) -> Result<(), TrainingError> {
             keep(&from, &folder.join(&name)).map_err(failed("keep", &from))?;
         }
     }
-    fs::remove_dir_all(&previous).map_err(failed("remove", &previous))
+    // The new model is in its place: a file that is still in use, as on a network, is no reason to call this a failure, and
+    // is removed by the next call.
+    let _ = fs::remove_dir_all(&previous);
+    Ok(())
 }
 
 /// Moves a file or folder to a place where nothing is.
@@ -178,7 +210,7 @@ fn make_empty(folder: &Path) -> io::Result<()> {
 }
 
 /// The hidden neighbour of a folder.
-fn neighbour(folder: &Path, ending: &str) -> PathBuf {
+pub(super) fn neighbour(folder: &Path, ending: &str) -> PathBuf {
     let mut name = OsString::from(".");
     name.push(folder.file_name().unwrap_or_default());
     name.push(".");

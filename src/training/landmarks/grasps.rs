@@ -368,6 +368,8 @@ mod tests {
             runs: &[set(30..32, DRY)],
             demonstrations: &shown,
         };
+        // As a process leaves it that is killed while it replaces the folder.
+        std::fs::rename(&folder, place.path().join(".model.previous")).unwrap();
         let finished = FinishedModel::load(&folder).unwrap();
         let datasets = [("practice of sock".to_owned(), "ab".to_owned())];
         let encoder = Model::load(&folder, EngineChoice::Auto).unwrap();

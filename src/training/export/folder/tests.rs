@@ -91,6 +91,11 @@ fn a_kill_at_any_moment_leaves_a_model_that_is_whole() {
     settle(&folder).unwrap();
     let old = [&OLD[..1], &[("notes.txt", "x")], &OLD[1..]].concat();
     assert_eq!(held(&folder), holding(&old));
+    // The same, and somebody has made the folder that is missing.
+    fs::rename(&folder, &previous).unwrap();
+    fs::create_dir(&folder).unwrap();
+    settle(&folder).unwrap();
+    assert_eq!(held(&folder), holding(&old));
     // Before what is no part of a model was brought to the new one.
     fs::rename(&folder, &previous).unwrap();
     fs::create_dir(&folder).unwrap();
@@ -113,6 +118,53 @@ fn a_kill_at_any_moment_leaves_a_model_that_is_whole() {
 }
 
 #[test]
+fn a_folder_that_was_moved_away_is_brought_back_to_be_read() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = root.path().join("model");
+    recover_folder(&folder).unwrap();
+    assert!(!folder.exists(), "there is none to bring back");
+    write(&folder, "1", "one").unwrap();
+    fs::rename(&folder, root.path().join(".model.previous")).unwrap();
+    let taken = Alone::with(&folder).unwrap();
+    let error = recover_folder(&folder).unwrap_err().to_string();
+    assert!(error.contains("another process"), "{error}");
+    assert!(!folder.exists(), "the other one is about to take the place");
+    drop(taken);
+    recover_folder(&folder).unwrap();
+    assert_eq!(held(&folder), holding(&OLD));
+    assert_eq!(names(root.path()), ["model"]);
+}
+
+#[test]
+fn two_processes_do_not_write_one_folder() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = root.path().join("deep/model");
+    let taken = Alone::with(&folder).unwrap();
+    let error = write(&folder, "1", "one").unwrap_err().to_string();
+    assert!(
+        error.contains("another process") && error.contains("model") && error.contains("--out"),
+        "{error}"
+    );
+    drop(taken);
+    write(&folder, "1", "one").unwrap();
+    assert_eq!(held(&folder), holding(&OLD));
+    assert_eq!(names(&root.path().join("deep")), ["model"]);
+}
+
+#[test]
+fn a_folder_that_cannot_be_made_is_named_itself() {
+    let root = tempfile::tempdir().unwrap();
+    let blocked = root.path().join("file");
+    fs::write(&blocked, "in the way").unwrap();
+    let error = write(&blocked.join("model"), "1", "one").unwrap_err();
+    let message = error.to_string();
+    assert!(
+        message.starts_with("cannot create ") && message.contains("file/model: "),
+        "{message}"
+    );
+}
+
+#[test]
 fn a_folder_that_cannot_be_moved_is_written_into() {
     let root = tempfile::tempdir().unwrap();
     let folder = root.path().join("model");
@@ -128,6 +180,7 @@ fn a_folder_that_cannot_be_moved_is_written_into() {
     assert_eq!(held(&folder), holding(&new));
 }
 
+#[cfg(unix)]
 #[test]
 fn a_folder_that_is_protected_is_not_replaced() {
     let root = tempfile::tempdir().unwrap();
