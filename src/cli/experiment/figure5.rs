@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::digests::RECORDINGS_UNNAMED;
 use super::ingredients::Ingredients;
 use super::method::{Method, TABLE_3, chosen};
-use super::plan::{QUICK_NOTE, Size, digest, out, training_command, with_version};
+use super::plan::{Size, digest, out, training_command, with_note, with_version};
 use super::workshop::Workshop;
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
@@ -45,7 +45,7 @@ pub(super) fn figure_5(paper: &PaperArguments, arguments: &Arguments) -> Result<
             measure(&workshop, method, demonstrations, &size, seed, missing)
         })?;
     }
-    draw(&out, &size)
+    draw(&out)
 }
 
 fn curve_file(out: &Path, method: &str, seed: u64) -> PathBuf {
@@ -123,7 +123,7 @@ fn measured(out: &Path, method: &str) -> Result<BTreeSet<u64>, CliError> {
 }
 
 /// Makes table and plot of all curves that are there.
-fn draw(out: &Path, size: &Size) -> Result<(), CliError> {
+fn draw(out: &Path) -> Result<(), CliError> {
     let mut curves: Vec<LossCurve> = Vec::new();
     for method in TABLE_3 {
         for seed in measured(out, method.name)? {
@@ -131,18 +131,16 @@ fn draw(out: &Path, size: &Size) -> Result<(), CliError> {
         }
     }
     let rows = TABLE_3.map(|method| (method.name, method.described));
-    let mut table = losses_table(&curves, &rows);
-    if curves.iter().any(|curve| curve.is_quick) {
-        table = format!("{QUICK_NOTE}\n\n{table}");
-    }
+    let is_quick = curves.iter().any(|curve| curve.is_quick);
+    let table = with_note(losses_table(&curves, &rows), is_quick);
     keep_text(&out.join("table.md"), table.as_bytes())?;
-    plot(out, &of_common_seeds(&curves), size)?;
+    plot(out, &of_common_seeds(&curves), is_quick)?;
     println!("\n{table}\nin {}", out.display());
     Ok(())
 }
 
 /// The means over the seeds that all methods have, and each of these behind them: other seeds hold out other demonstrations.
-fn plot(out: &Path, curves: &[&LossCurve], size: &Size) -> Result<(), CliError> {
+fn plot(out: &Path, curves: &[&LossCurve], is_quick: bool) -> Result<(), CliError> {
     let panel = |label: &str, value: fn(&LossPoint) -> f64| Panel {
         label: label.to_owned(),
         lines: (TABLE_3.iter())
@@ -157,7 +155,7 @@ fn plot(out: &Path, curves: &[&LossCurve], size: &Size) -> Result<(), CliError> 
     Ok(write_curves_svg(
         &out.join("fig5.svg"),
         &panels,
-        &title(curves, size.is_quick),
+        &title(curves, is_quick),
         "optimiser steps",
         has_behind.then_some("thin: each seed"),
     )?)
@@ -198,6 +196,7 @@ fn title(curves: &[&LossCurve], is_quick: bool) -> String {
 mod tests {
     use super::*;
     use crate::cli::experiment::committed::{assert_kept, root, unflagged};
+    use crate::cli::experiment::plan::QUICK_NOTE;
 
     #[test]
     fn committed_curves_count_as_finished() {
@@ -244,6 +243,23 @@ mod tests {
             config: serde_json::Value::Null,
             digests: std::collections::BTreeMap::new(),
             points: [(10, losses[0]), (20, losses[1])].map(point).to_vec(),
+        }
+    }
+
+    #[test]
+    fn a_table_with_a_curve_of_the_small_version_says_so_and_its_plot_does() {
+        let place = tempfile::tempdir().unwrap();
+        for is_quick in [false, true] {
+            let curve = LossCurve {
+                is_quick,
+                ..curve(1, [3.0, 1.0])
+            };
+            keep(&curve_file(place.path(), &curve.method, 1), &curve).unwrap();
+            draw(place.path()).unwrap();
+            let [table, plot] = ["table.md", "fig5.svg"]
+                .map(|name| fs::read_to_string(place.path().join(name)).unwrap());
+            assert_eq!(table.starts_with(QUICK_NOTE), is_quick, "{table}");
+            assert_eq!(plot.contains("(small version)"), is_quick, "{plot}");
         }
     }
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::digests::{Digests, RECORDINGS_UNNAMED};
 use super::ingredients::Ingredients;
 use super::method::{BC, Method, OURS, chosen};
-use super::plan::{QUICK_NOTE, Size, digest, out, training_command};
+use super::plan::{Size, digest, out, training_command, with_note};
 use super::workshop::{Trained, Workshop};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::baseline::goal_state;
@@ -318,11 +318,7 @@ fn draw(out: &Path) -> Result<(), CliError> {
     for line in &LINES {
         cells.extend(kept(&cell_file(out, line))?.map(|cell| (line, cell)));
     }
-    let mut table = String::new();
-    if cells.iter().any(|(_, cell)| cell.is_quick) {
-        let _ = writeln!(table, "{QUICK_NOTE}\n");
-    }
-    table.push_str(
+    let mut table = String::from(
         "| | entropy of the first action, nats | most probable actions | paper |\n|---|---|---|---|\n",
     );
     for (line, cell) in &cells {
@@ -339,6 +335,7 @@ fn draw(out: &Path) -> Result<(), CliError> {
             published.join(", ")
         );
     }
+    let table = with_note(table, cells.iter().any(|(_, cell)| cell.is_quick));
     keep_text(&out.join("table.md"), table.as_bytes())?;
     plot::draw(out, &cells)?;
     println!("\n{table}\nin {}", out.display());
@@ -349,6 +346,7 @@ fn draw(out: &Path) -> Result<(), CliError> {
 mod tests {
     use super::*;
     use crate::cli::experiment::committed::{assert_kept, root, unflagged};
+    use crate::cli::experiment::plan::QUICK_NOTE;
 
     #[test]
     fn a_cell_that_names_less_is_read() {

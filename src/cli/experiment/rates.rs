@@ -112,7 +112,8 @@ impl Table {
             }
         }
         let table = rates_table(&cells, &rows, self.paper);
-        let table = with_note(table, cells.iter().any(|cell| cell.is_quick));
+        let is_quick = cells.iter().any(|cell| cell.is_quick);
+        let table = with_note(table, is_quick);
         keep_text(&out.join("table.md"), table.as_bytes())?;
         let bar = |(name, described, demonstrations): &(&str, &str, usize)| {
             let of_row = cells
@@ -128,7 +129,7 @@ impl Table {
             })
         };
         let rates: Vec<Rate> = rows.iter().filter_map(bar).collect();
-        let title = with_version(self.title, size.is_quick);
+        let title = with_version(self.title, is_quick);
         write_rates_svg(
             &out.join(format!("{}.svg", self.name)),
             &rates,
@@ -280,7 +281,7 @@ mod tests {
     use crate::cli::experiment::plan::QUICK_NOTE;
 
     #[test]
-    fn a_table_with_a_cell_of_the_small_version_says_so() {
+    fn a_table_with_a_cell_of_the_small_version_says_so_and_its_plot_does() {
         let place = tempfile::tempdir().unwrap();
         let size = Size::new(&unflagged(FIRST.name), FIRST.demonstrations, 1);
         let file = cell_file(place.path(), &TABLE_1[0], 10, "sock");
@@ -293,8 +294,10 @@ mod tests {
             };
             keep(&file, &cell).unwrap();
             FIRST.draw(place.path(), &size).unwrap();
-            let table = fs::read_to_string(place.path().join("table.md")).unwrap();
+            let [table, plot] = ["table.md", "table1.svg"]
+                .map(|name| fs::read_to_string(place.path().join(name)).unwrap());
             assert_eq!(table.starts_with(QUICK_NOTE), is_quick, "{table}");
+            assert_eq!(plot.contains("(small version)"), is_quick, "{plot}");
         }
     }
 
