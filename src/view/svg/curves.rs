@@ -149,6 +149,9 @@ impl Axes {
     }
 
     fn line(&self, canvas: &mut Canvas, points: &[[f64; 2]], colour: Rgb, thickness: f32) {
+        if points.is_empty() {
+            return;
+        }
         let at = |p: &[f64; 2]| format!("{:.1} {:.1}", self.x(p[0]), self.y(p[1]));
         let path: Vec<String> = points.iter().map(at).collect();
         canvas.push(format_args!(
@@ -344,8 +347,13 @@ mod tests {
             label: "loss".to_owned(),
             lines: vec![curve("ours", &[[1.0, 1.0]])],
         };
-        for panels in [vec![], vec![one]] {
-            assert!(!curves_svg(&panels, "Losses", "steps", None).contains("NaN"));
+        let empty = Panel {
+            label: "loss".to_owned(),
+            lines: vec![curve("ours", &[])],
+        };
+        for panels in [vec![], vec![one], vec![empty]] {
+            let svg = curves_svg(&panels, "Losses", "steps", None);
+            assert!(!svg.contains("NaN") && !svg.contains("d=\"M\""), "{svg}");
         }
     }
 
