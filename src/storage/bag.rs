@@ -37,15 +37,22 @@ enum Named {
     Damaged(String),
 }
 
-/// Whether a file is the metadata of a bag, whatever it is called.
+/// Whether a file is the metadata of a bag, whatever it is called; or is called as that and has no byte, as what a full
+/// disk or an interrupted copy leaves of it.
 pub(super) fn is_metadata(path: &Path) -> bool {
     if !is_yaml(path) {
         return false;
     }
     let mut head = Vec::new();
     let read = File::open(path).and_then(|file| file.take(HEAD_BYTES).read_to_end(&mut head));
+    if read.is_err() {
+        return false;
+    }
+    if head.is_empty() {
+        return path.file_name().is_some_and(|name| name == METADATA_FILE);
+    }
     let head = String::from_utf8_lossy(&head);
-    read.is_ok() && head.lines().any(|line| line.starts_with(TOP_KEY))
+    head.lines().any(|line| line.starts_with(TOP_KEY))
 }
 
 /// What stands for the bag in a folder: its metadata; none where the folder is no bag, of several files or of one.
@@ -81,6 +88,25 @@ pub(super) fn parts(folder: &Path) -> Result<Option<Vec<PathBuf>>, StorageError>
             part: part.clone(),
         }),
     }
+}
+
+/// Why there is nothing to read of a bag beside whose metadata no recording lies; none where the folder is no bag, or all
+/// that its metadata names is there.
+pub(super) fn why_without_files(folder: &Path) -> Option<StorageError> {
+    let reason = match named_in(folder) {
+        Named::NoBag => return None,
+        Named::Damaged(fault) => {
+            format!("of which it cannot be read which files it consists of ({fault})")
+        }
+        Named::Files(named) => {
+            let missing = named.iter().find(|name| !folder.join(name).is_file())?;
+            format!("which names {}, which is not there", missing.display())
+        }
+    };
+    Some(StorageError::BagWithoutFiles {
+        path: folder.join(METADATA_FILE),
+        reason,
+    })
 }
 
 /// The folder of the bag that a file is part of, or may be; none where it is part of none.
@@ -131,6 +157,9 @@ fn named_in(folder: &Path) -> Named {
     let Ok(text) = fs::read_to_string(&path) else {
         return Named::NoBag;
     };
+    if text.is_empty() {
+        return Named::Damaged("it is empty, 0 bytes".to_owned());
+    }
     match serde_yaml::from_str::<Metadata>(&text) {
         Ok(metadata) => Named::Files(metadata.rosbag2_bagfile_information.relative_file_paths),
         Err(error) if is_metadata(&path) => Named::Damaged(fault_of(&error)),

@@ -309,12 +309,69 @@ mod tests {
         fs::write(&metadata, of_nothing).unwrap();
         assert_eq!(ids(std::slice::from_ref(&metadata)), ["run_0"]);
         assert_eq!(ids(&before[..2]), ["run_0"]);
-        fs::remove_file(&parts[0]).unwrap();
-        let error = recording_files(&[metadata]).unwrap_err();
-        assert!(
-            matches!(error, StorageError::NoRecordings { .. }),
-            "{error}"
-        );
+    }
+
+    #[test]
+    fn a_bag_without_its_files_is_named_with_what_is_missing() {
+        let root = tempfile::tempdir().unwrap();
+        let bag = root.path().join("run");
+        fs::create_dir(&bag).unwrap();
+        let metadata = bag.join("metadata.yaml");
+        for (text, told) in [
+            (
+                "rosbag2_bagfile_information:\n  relative_file_paths: [run_0.mcap]\n",
+                "names run_0.mcap, which is not there",
+            ),
+            ("rosbag2_bagfile_information: {}\n", "cannot be read"),
+            ("", "empty, 0 bytes"),
+        ] {
+            fs::write(&metadata, text).unwrap();
+            for path in [root.path(), &bag, &metadata] {
+                let error = recording_files(&[path.to_owned()]).unwrap_err();
+                let said = error.to_string();
+                assert!(
+                    matches!(error, StorageError::BagWithoutFiles { .. })
+                        && said.contains(&metadata.display().to_string())
+                        && said.contains(told),
+                    "{said}"
+                );
+            }
+        }
+        // A file that was called otherwise since is still a recording.
+        write(&bag, "cup.mcap", 4, None);
+        let named = "rosbag2_bagfile_information: {relative_file_paths: [run_0.mcap]}\n";
+        fs::write(&metadata, named).unwrap();
+        assert_eq!(recording_files(&[bag]).unwrap().len(), 1);
+    }
+
+    #[test]
+    fn empty_metadata_of_a_bag_is_no_mapping_file() {
+        let root = tempfile::tempdir().unwrap();
+        let bag = root.path().join("run");
+        write_bag(&bag);
+        let metadata = bag.join("metadata.yaml");
+        fs::write(&metadata, "").unwrap();
+        let parts = ["run_0.mcap", "run_1.mcap", "run_2.mcap"].map(|name| bag.join(name));
+        // As a shell gives `run/*`.
+        let all = [std::slice::from_ref(&metadata), &parts].concat();
+        for paths in [&all[..], &all[..1], &all[1..2], std::slice::from_ref(&bag)] {
+            let error = recording_files(paths).unwrap_err();
+            let said = error.to_string();
+            assert!(
+                matches!(error, StorageError::BagDamaged { files: 3, .. })
+                    && said.contains("empty, 0 bytes"),
+                "{said}"
+            );
+        }
+        // With one file beside it there is nothing to tell apart.
+        fs::remove_file(&parts[1]).unwrap();
+        fs::remove_file(&parts[2]).unwrap();
+        assert_eq!(recording_files(&all[..2]).unwrap(), all[1..2]);
+        // Any other empty YAML file is a mapping file.
+        let mapping = root.path().join("sock.yaml");
+        fs::write(&mapping, "").unwrap();
+        let error = recording_files(&[mapping]).unwrap_err();
+        assert!(matches!(error, StorageError::Mapping { .. }), "{error}");
     }
 
     #[test]

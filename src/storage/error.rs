@@ -188,6 +188,18 @@ pub enum StorageError {
         /// What is wrong with it.
         fault: String,
     },
+    /// There is a bag's metadata, and no file of the bag.
+    #[error(
+        "{path}: the metadata of a bag, {reason}, and no recording lies beside it: copy the bag again with all its files, or \
+         name the folder or the files that hold what it recorded",
+        path = path.display()
+    )]
+    BagWithoutFiles {
+        /// The metadata.
+        path: PathBuf,
+        /// Which file is missing, or why nothing tells which.
+        reason: String,
+    },
     /// No action comes after the first image of every camera.
     #[error(
         "{path}: none of the {actions} actions comes after the first image of every camera ({cameras}), \

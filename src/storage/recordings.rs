@@ -45,7 +45,8 @@ impl Recordings {
     ///
     /// # Errors
     /// [`StorageError::Io`] when a path cannot be read, [`StorageError::NoRecordings`] when there are none,
-    /// [`StorageError::Mapping`] for a wrong mapping file, [`StorageError::Dataset`] for wrong metadata.
+    /// [`StorageError::PartMissing`], [`StorageError::BagDamaged`] and [`StorageError::BagWithoutFiles`] for a bag that is
+    /// not whole, [`StorageError::Mapping`] for a wrong mapping file, [`StorageError::Dataset`] for wrong metadata.
     pub fn open(paths: &[PathBuf], options: &ReadOptions) -> Result<Self, StorageError> {
         let mut search = Search::new(options);
         let mut mappings = Vec::new();

@@ -24,6 +24,8 @@ pub(super) struct Search {
     parts: BTreeSet<PathBuf>,
     /// Of the files of other formats that were passed over the first.
     passed_over: Option<PathBuf>,
+    /// Of the folders with a bag's metadata that is none of several files the first.
+    bag: Option<PathBuf>,
 }
 
 impl Search {
@@ -33,6 +35,7 @@ impl Search {
             sources: Vec::new(),
             parts: BTreeSet::new(),
             passed_over: None,
+            bag: None,
         }
     }
 
@@ -44,6 +47,9 @@ impl Search {
             // What is there says more than what is not.
             if let Some(file) = &self.passed_over {
                 check_begins_as_mcap(file)?;
+            }
+            if let Some(error) = self.bag.as_deref().and_then(bag::why_without_files) {
+                return Err(error);
             }
             return Err(StorageError::NoRecordings {
                 paths: list(paths.iter().map(|p| p.display().to_string())),
@@ -118,7 +124,9 @@ impl Search {
             self.take_mcap(&folder, parts, view);
             return Ok(());
         }
-        for file in bag::present(metadata.parent().unwrap_or(Path::new(""))) {
+        let folder = metadata.parent().unwrap_or(Path::new(""));
+        keep_first(&mut self.bag, folder);
+        for file in bag::present(folder) {
             self.take_file(file, view);
         }
         Ok(())
@@ -128,10 +136,8 @@ impl Search {
     fn take_file(&mut self, path: PathBuf, view: &View) {
         if is_mcap(&path) {
             self.take_mcap(&path, vec![path.clone()], view);
-        } else if is_of_other_format(&path)
-            && self.passed_over.as_ref().is_none_or(|first| path < *first)
-        {
-            self.passed_over = Some(path);
+        } else if is_of_other_format(&path) {
+            keep_first(&mut self.passed_over, &path);
         }
     }
 
@@ -166,6 +172,8 @@ impl Search {
         }
         if let Some(parts) = bag::parts(folder)? {
             self.take_mcap(folder, parts, view);
+        } else if bag::bag_in(folder).is_some() {
+            keep_first(&mut self.bag, folder);
         }
         let entries = fs::read_dir(folder).map_err(StorageError::io("read", folder))?;
         for entry in entries {
@@ -186,6 +194,13 @@ impl Search {
             }
         }
         Ok(())
+    }
+}
+
+/// Keeps the first of two paths, in whatever order they come.
+fn keep_first(kept: &mut Option<PathBuf>, path: &Path) {
+    if kept.as_deref().is_none_or(|first| path < first) {
+        *kept = Some(path.to_owned());
     }
 }
 
