@@ -51,7 +51,7 @@ mod weights;
 
 pub use baseline::{
     BaselineConfig, BaselineNetwork, BaselineOutputs, BaselineReport, TrainedBaseline,
-    TransformerConfig, train_baseline, train_baseline_on,
+    TransformerConfig, check_baseline_training, train_baseline, train_baseline_on,
 };
 pub use config::{
     AugmentationConfig, EncoderConfig, ImitationConfig, NetworkConfig, OptimiserConfig,
@@ -70,5 +70,5 @@ pub use preset::Preset;
 pub use reference::ReferenceOutputs;
 pub use run_folder::RunFolder;
 pub use trained_model::TrainedModel;
-pub use trainer::{TrainingReport, train, train_on};
+pub use trainer::{TrainingReport, check_training, train, train_on};
 pub use variant::NetworkVariant;

@@ -18,7 +18,7 @@ use crate::model::{BaselineMethod, BaselineSpec, FeatureEncoder, ReactivePolicy}
 use crate::rollout::{ReactiveRollout, RolloutOptions};
 use crate::simulator::Bedroom;
 use crate::storage::{ReadOptions, Recordings};
-use crate::training::{TrainingError, export_baseline, train_baseline};
+use crate::training::{TrainingError, check_baseline_training, export_baseline, train_baseline};
 use crate::trajectory::{State, TrajectoryError};
 
 /// The baseline that is asked for; none for our own model.
@@ -47,9 +47,11 @@ pub(super) fn train_method(
     let Prepared {
         sets,
         digests,
-        run_folder,
+        run_place,
         ..
     } = prepared(arguments)?;
+    check_baseline_training(&sets, &config)?;
+    let run_folder = run_place.take(arguments, &sets)?;
     if let Some(encoder) = &frozen {
         let pictures = encoder.pictures();
         println!(

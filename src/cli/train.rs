@@ -1,9 +1,10 @@
 mod place;
 mod printer;
+mod run_place;
 mod sets;
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::arguments::{Arguments, TrainArguments};
 use super::baseline::{method_of, train_method};
@@ -13,12 +14,15 @@ use super::parent::EndOfInput;
 use super::progress;
 use super::training_config::{training_config, write_run, written_config};
 use crate::inference::Model;
-use crate::training::{FinishedModel, GripperPractice, Practised, RunFolder, export, train as fit};
+use crate::training::{
+    FinishedModel, GripperPractice, Practised, check_training, export, train as fit,
+};
 use crate::trajectory::DemonstrationSet;
 use crate::wording::counted;
-use place::check_model_place;
+use place::{check_can_be_made, check_model_place};
 pub(super) use printer::Printer;
-use sets::{describe_bins, load_sets};
+pub(super) use run_place::{CHECKPOINT, RunPlace};
+use sets::load_sets;
 
 /// `catena train`: demonstrations to a model in a folder of ONNX files.
 pub(super) fn train(
@@ -41,7 +45,7 @@ pub(super) fn train(
         sets,
         runs,
         digests,
-        run_folder,
+        run_place,
     } = prepared(arguments)?;
     let practice = GripperPractice {
         runs: &runs,
@@ -52,6 +56,8 @@ pub(super) fn train(
     if !runs.is_empty() {
         practice.check(&config)?;
     }
+    check_training(&sets, &config)?;
+    let run_folder = run_place.take(arguments, &sets)?;
     if !run_folder.path().join(CHECKPOINT).exists() {
         write_run(run_folder.path(), &config, config.seed, &digests)?;
     }
@@ -92,6 +98,7 @@ pub(super) const PRACTICE_OF: &str = "practice of ";
 /// `catena train --keep-networks`: learns anew what a finished model's networks stay out of.
 fn practise(arguments: &TrainArguments, all: &Arguments, folder: &Path) -> Result<(), CliError> {
     check_model_place(&arguments.out)?;
+    check_can_be_made(&arguments.out)?;
     let read = read_options(&arguments.read);
     let (sets, mut digests) =
         load_sets(&arguments.demos, arguments.bins, &read, read_demonstrations)?;
@@ -149,16 +156,12 @@ pub(super) struct Prepared {
     runs: Vec<DemonstrationSet>,
     /// Digests of the sets by their tasks' names, and of practice.
     pub(super) digests: BTreeMap<String, String>,
-    /// No other training takes it meanwhile.
-    pub(super) run_folder: RunFolder,
+    pub(super) run_place: RunPlace,
 }
 
-/// Reads the recordings of a training and says what it begins with. A run folder that is there is taken before, so that
-/// who may not have it need not wait; one that is not there is made afterwards, so that a wrong path leaves none.
+/// Reads the recordings of a training, once it is known that its places can be had.
 pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError> {
-    let run = run_place(arguments)?;
-    let taken = run.exists().then(|| taken_run_folder(arguments, &run));
-    let taken = taken.transpose()?;
+    let run_place = RunPlace::of(arguments)?;
     let (sets, mut digests) = load_sets(
         &arguments.demos,
         arguments.bins,
@@ -166,55 +169,12 @@ pub(super) fn prepared(arguments: &TrainArguments) -> Result<Prepared, CliError>
         read_demonstrations,
     )?;
     let runs = practice_runs(arguments, &mut digests)?;
-    let run_folder = taken.map_or_else(|| taken_run_folder(arguments, &run), Ok)?;
-    println!(
-        "training on {} states of {}; checkpoints and losses.csv in {}{}",
-        sets.iter().map(DemonstrationSet::step_count).sum::<usize>(),
-        counted(sets.len(), "task"),
-        run_folder.path().display(),
-        sets.first()
-            .map(|s| describe_bins(s.action_space()))
-            .unwrap_or_default(),
-    );
     Ok(Prepared {
         sets,
         runs,
         digests,
-        run_folder,
+        run_place,
     })
-}
-
-/// Where the run folder of a training is; refuses one in the model's folder, and a place that a model must not take.
-fn run_place(arguments: &TrainArguments) -> Result<PathBuf, CliError> {
-    let run = arguments.run.clone();
-    let run = run.unwrap_or_else(|| beside(&arguments.out));
-    if whole(&run).starts_with(whole(&arguments.out)) {
-        return Err(CliError::RunInModel {
-            run,
-            model: arguments.out.clone(),
-        });
-    }
-    check_model_place(&arguments.out)?;
-    Ok(run)
-}
-
-/// Takes the run folder of a training; refuses one in which another is at work or whose checkpoint is not to be gone on
-/// from.
-fn taken_run_folder(arguments: &TrainArguments, run: &Path) -> Result<RunFolder, CliError> {
-    let run_folder = RunFolder::open(run)?;
-    let has_begun = run.join(CHECKPOINT).exists();
-    if !arguments.resume && has_begun {
-        return Err(CliError::RunExists {
-            run: run.to_owned(),
-        });
-    }
-    if arguments.resume && !has_begun {
-        println!(
-            "no checkpoint to go on from in {}: the training begins",
-            run.display()
-        );
-    }
-    Ok(run_folder)
 }
 
 /// Says so where nothing was left to train: not even a later time limit adds to a training that has ended.
@@ -226,21 +186,6 @@ pub(super) fn tell_ended(states_per_sec: f64, run_folder: &Path) {
             run_folder.display()
         );
     }
-}
-
-/// A path from the root on.
-fn whole(path: &Path) -> PathBuf {
-    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
-}
-
-/// The trainer's checkpoint in its run folder.
-pub(super) const CHECKPOINT: &str = "checkpoint.safetensors";
-
-/// Runs lie beside the model, which is to hold nothing but what deploys.
-fn beside(model: &Path) -> PathBuf {
-    let mut name = model.file_name().unwrap_or_default().to_owned();
-    name.push(".run");
-    model.with_file_name(name)
 }
 
 /// A share for people; "none" where there was nothing to measure.

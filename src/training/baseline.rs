@@ -26,7 +26,7 @@ pub use network::BaselineNetwork;
 pub use reference::BaselineOutputs;
 pub use token_encoder::TokenEncoder;
 pub use trained::TrainedBaseline;
-pub use trainer::{BaselineReport, train_baseline, train_baseline_on};
+pub use trainer::{BaselineReport, check_baseline_training, train_baseline, train_baseline_on};
 pub use transformer::{Block, CausalTransformer};
 
 #[cfg(test)]

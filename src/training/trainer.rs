@@ -35,6 +35,26 @@ pub struct TrainingReport {
     pub states_per_sec: f64,
 }
 
+/// Refuses a configuration that is out of range or does not go together with the demonstrations, as [`train`] does,
+/// before there is a run folder.
+///
+/// # Errors
+/// [`TrainingError`]: the demonstrations do not go together, or the configuration asks for what they do not show.
+pub fn check_training(
+    sets: &[DemonstrationSet],
+    config: &TrainingConfig,
+) -> Result<(), TrainingError> {
+    config.check()?;
+    let data = Dataset::new(sets)?.seen_by(&config.cameras)?;
+    check_against(&data, config)
+}
+
+fn check_against(data: &Dataset, config: &TrainingConfig) -> Result<(), TrainingError> {
+    check_mirror(&config.augmentation, data.action_space())?;
+    check_motion(config, data)?;
+    check_landmarks(config, data)
+}
+
 /// Trains the latent-flow network on demonstrations of one or more tasks.
 ///
 /// Where `run_folder` holds a checkpoint of the same training, it goes on from there and ends with the
@@ -93,9 +113,7 @@ impl<'a> Run<'a> {
         run_folder: &'a Path,
         device: &Device,
     ) -> Result<Self, TrainingError> {
-        check_mirror(&config.augmentation, data.action_space())?;
-        check_motion(config, data)?;
-        check_landmarks(config, data)?;
+        check_against(data, config)?;
         let split = data.split(config.validation_share, config.seed);
         let batches = Sampler::new(
             data,

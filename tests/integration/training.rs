@@ -112,7 +112,47 @@ fn a_camera_or_variant_that_is_not_there_is_named_with_those_that_are() {
             !output.status.success() && said.contains(wrong) && said.contains(right),
             "{said}"
         );
+        let run = out.with_extension("run");
+        assert!(!run.exists(), "{flag} leaves no run folder");
     }
+    let config = folder.path().join("config.yaml");
+    fs::write(&config, "validation_share: 2.0\n").expect("written");
+    for method in ["ours", "bc"] {
+        let words = ["train", path(&demos), "--out", path(&out), "--preset"];
+        let flags = ["tiny", "--method", method, "--config", path(&config)];
+        let output = catena(&[&words[..], &flags].concat());
+        assert!(!output.status.success(), "{method}");
+        assert!(!out.with_extension("run").exists(), "{method}");
+    }
+}
+
+#[test]
+fn a_place_that_cannot_be_had_is_told_before_recordings_are_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("notes.txt"), "no folder").expect("written");
+    let recordings = at("recordings-nowhere");
+    let [model, below] = ["model", "notes.txt/run"].map(at);
+    for method in ["ours", "bc"] {
+        for places in [
+            vec!["--out", path(&below)],
+            vec!["--out", path(&model), "--run", path(&below)],
+        ] {
+            let words = ["train", path(&recordings), "--method", method];
+            let output = catena(&[&words[..], &places].concat());
+            let said = text(&output.stderr);
+            assert!(
+                !output.status.success() && said.contains("cannot create"),
+                "{said}"
+            );
+            assert!(
+                said.contains("not a directory") && !said.contains("recordings-nowhere"),
+                "{said}"
+            );
+        }
+    }
+    let left = fs::read_dir(folder.path()).expect("the folder").count();
+    assert_eq!(left, 1, "nothing was made");
 }
 
 #[test]

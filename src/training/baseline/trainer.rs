@@ -36,6 +36,20 @@ pub struct BaselineReport {
     pub states_per_sec: f64,
 }
 
+/// Refuses a configuration that is out of range or does not go together with the demonstrations, as [`train_baseline`]
+/// does, before there is a run folder.
+///
+/// # Errors
+/// [`TrainingError`]: the demonstrations do not go together, or the configuration asks for what they do not show.
+pub fn check_baseline_training(
+    sets: &[DemonstrationSet],
+    config: &BaselineConfig,
+) -> Result<(), TrainingError> {
+    config.check()?;
+    let data = Dataset::new(sets)?;
+    check_mirror(&config.augmentation, data.action_space())
+}
+
 /// Trains a baseline on demonstrations of one or more tasks (Fu & Finn, section IV-A). MVP needs its frozen
 /// encoder, which is run once over all images before; the other methods take none.
 ///
