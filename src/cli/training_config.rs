@@ -249,6 +249,13 @@ pub(super) fn write_run_with(
     keep(&run_folder.join(RECORD), &record)
 }
 
+/// The commit that a training began with, so far as its run folder tells.
+pub(super) fn training_commit(run_folder: &Path) -> Option<String> {
+    let text = fs::read(run_folder.join(RECORD)).ok()?;
+    let record: Value = serde_json::from_slice(&text).ok()?;
+    record["commit"].as_str().map(str::to_owned)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -26,6 +26,9 @@ pub struct LossCurve {
     pub digests: BTreeMap<String, String>,
     /// The commit of the working tree, if it is one.
     pub commit: Option<String>,
+    /// The commit that the training began with, which may be an older one; older cells do not tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub training_commit: Option<String>,
     /// Whether it is from a small version of the experiment.
     pub is_quick: bool,
     /// The training's configuration.
@@ -220,6 +223,7 @@ mod tests {
             commands: Vec::new(),
             digests: BTreeMap::new(),
             commit: None,
+            training_commit: None,
             is_quick: false,
             config: Value::Null,
             points: (losses.iter().enumerate())

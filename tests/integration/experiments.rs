@@ -170,7 +170,13 @@ fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
         "{said}"
     );
     lock.unlock().expect("it is held");
+    let record = of_wrist.join("run/run.json");
+    let mut of_training = cell(&record);
+    of_training["commit"] = "an earlier one".into();
+    fs::write(&record, of_training.to_string()).expect("written");
     run(&["--methods", "only_wrist"]);
+    let measured = cell(&out.join("only_wrist_seed1.json"));
+    assert_eq!(measured["training_commit"], "an earlier one");
     let drawn = run(&["--only-draw"]);
     assert!(
         drawn.contains("| stacked frames | | 0 | not measured |"),

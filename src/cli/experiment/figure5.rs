@@ -13,6 +13,7 @@ use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
 use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::cli::recipe::{Ingredient, Recipe};
+use crate::cli::training_config::training_commit;
 use crate::experiment::{LossCurve, LossPoint, losses_table, of_common_seeds};
 use crate::training::TrainedModel;
 use crate::view::{Curve, Panel, write_curves_svg};
@@ -100,6 +101,7 @@ fn measure(
         commands: vec![training_command(&size.training(method, seed))],
         digests: workshop.digests(method, &trained)?,
         commit: workshop.commit.clone(),
+        training_commit: training_commit(&trained.run),
         is_quick: size.is_quick,
         config: model.map_or(Ok(serde_json::Value::Null), |m| {
             serde_json::to_value(&m.config)
@@ -239,6 +241,7 @@ mod tests {
             digest: String::new(),
             commands: Vec::new(),
             commit: None,
+            training_commit: None,
             is_quick: false,
             config: serde_json::Value::Null,
             digests: std::collections::BTreeMap::new(),

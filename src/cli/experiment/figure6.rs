@@ -19,6 +19,7 @@ use crate::cli::error::CliError;
 use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::cli::loaded::{Loaded, bedroom};
 use crate::cli::recipe::{Ingredient, Recipe};
+use crate::cli::training_config::training_commit;
 use crate::cli::worlds::composed;
 use crate::environment::Environment;
 use crate::inference::Baseline;
@@ -108,6 +109,9 @@ struct CertaintyCell {
     #[serde(default)]
     digests: Digests,
     commit: Option<String>,
+    /// The commit that the training began with, which may be an older one; older cells do not tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    training_commit: Option<String>,
     is_quick: bool,
 }
 
@@ -206,6 +210,7 @@ fn measure(
     cell.commands = vec![command(method, size)];
     cell.digests = workshop.digests(method, &trained)?;
     cell.commit.clone_from(&workshop.commit);
+    cell.training_commit = training_commit(&trained.run);
     cell.is_quick = size.is_quick;
     keep(&file, &cell)
 }
@@ -304,6 +309,7 @@ fn summed_up(names: &[String], first: &[ActionDistribution]) -> CertaintyCell {
         commands: Vec::new(),
         digests: Digests::new(),
         commit: None,
+        training_commit: None,
         is_quick: false,
     }
 }

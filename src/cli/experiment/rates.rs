@@ -10,6 +10,7 @@ use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
 use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::cli::recipe::{Ingredient, Recipe};
+use crate::cli::training_config::training_commit;
 use crate::experiment::{
     Evaluation, PAPER_TABLE_1, PAPER_TABLE_3, PAPER_TASKS, PublishedRate, RateCell,
     paper_rate_of_all, rate_of_all, rates_table,
@@ -202,6 +203,7 @@ impl<'a> Row<'a> {
                 commands: commands(method, &words, workshop.shown(trained, &command, None)),
                 digests: workshop.digests(method, trained)?,
                 commit: workshop.commit.clone(),
+                training_commit: training_commit(&trained.run),
                 is_quick: size.is_quick,
                 evaluation,
             };

@@ -16,6 +16,7 @@ use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
 use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::cli::recipe::{Ingredient, Recipe};
+use crate::cli::training_config::training_commit;
 use crate::experiment::Evaluation;
 
 const NAME: &str = "table2";
@@ -54,6 +55,9 @@ struct TimeCell {
     digest: String,
     commands: Vec<String>,
     commit: Option<String>,
+    /// The commit that the training began with, which may be an older one; older cells do not tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    training_commit: Option<String>,
     /// Seed of the episode; older cells do not tell.
     #[serde(default)]
     seed: Option<u64>,
@@ -114,6 +118,7 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
             digest,
             commands: vec![workshop.shown(&trained, &command, Some(engine))],
             commit: workshop.commit.clone(),
+            training_commit: training_commit(&trained.run),
             seed: Some(size.seed),
             digests: workshop.digests(&method, &trained)?,
             is_quick: size.is_quick,
@@ -284,6 +289,7 @@ mod tests {
             digest: String::new(),
             commands: Vec::new(),
             commit: None,
+            training_commit: None,
             seed: Some(100),
             digests: Digests::new(),
             is_quick: false,
