@@ -111,15 +111,25 @@ fn head(
         explanation.odds.probability
     );
     canvas.text(LEFT - 28.0, 66.0, set(14.0, 400, GREY), &line);
-    let note = match (is_drawn, orders.order_count(None) == open) {
-        (false, _) => "too many orders to be drawn",
-        (true, true) => "the orders that are allowed, the planned one in bold",
-        (true, false) => {
-            "the orders that are allowed, also those that end with another task than the final state's; the planned one \
-             in bold"
-        }
+    let note = if is_drawn {
+        note(orders, open)
+    } else {
+        "too many orders to be drawn"
     };
     canvas.text(LEFT - 28.0, 98.0, set(13.0, 600, INK), note);
+}
+
+/// What is said of the orders that are drawn. `open` is how many of them are; none where they are too many to be counted.
+fn note(orders: &OrderAutomaton, open: Option<u64>) -> &'static str {
+    let all = orders.order_count(None);
+    if all != open {
+        "the orders that are allowed, also those that end with another task than the final state's; the planned one in bold"
+    } else if all.is_none() && orders.last_tasks().len() > 1 {
+        // Whether all of them are open is not known.
+        "the orders that are allowed, whichever task they end with; the planned one in bold"
+    } else {
+        "the orders that are allowed, the planned one in bold"
+    }
 }
 
 /// The stages of the plan in lines, each with the part of the plan that leads out of it.
@@ -359,6 +369,28 @@ mod tests {
             let told = if is_all { ">6 orders" } else { ">2 orders" };
             assert!(drawn.contains(told), "{told} is missing");
             assert_eq!(drawn.contains(all), !is_all);
+        }
+    }
+
+    #[test]
+    fn orders_that_cannot_be_counted_are_drawn_whichever_task_they_end_with() {
+        let either = || Order::Choice(vec![task("a"), task("b")]);
+        let repeated = |times, part| Order::Repeat(times, Box::new(part));
+        // Which order it is depends on all of its last 13 tasks.
+        let parts = [
+            repeated(12, Order::Optional(Box::new(either()))),
+            task("a"),
+            repeated(13, either()),
+        ];
+        let mut plan = explained(&["a", "b"]);
+        plan.orders.order_count = None;
+        for (behind, is_told) in [(None, true), (Some(task("c")), false)] {
+            let parts = parts.iter().cloned().chain(behind).collect();
+            let orders = OrderAutomaton::new(&Order::InOrder(parts)).expect("it is small");
+            assert_eq!(orders.order_count(None), None);
+            let drawn = automaton_svg(&orders, &plan, "many");
+            assert!(drawn.contains("the orders that are allowed"));
+            assert_eq!(drawn.contains("whichever task they end with"), is_told);
         }
     }
 
