@@ -185,13 +185,17 @@ fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
     assert!(!drawn.contains("| Siamese | | 0 |"), "{drawn}");
     let svg = fs::read_to_string(out.join("fig5.svg")).expect("a plot");
     assert!(svg.contains("wrist camera only") && !svg.contains("stacked frames"));
+    ensure_told(folder.path());
+}
 
+/// What a table says where an encoder, a job beside others or recordings are of no use.
+fn ensure_told(folder: &Path) {
     let refused = |more: &[&str]| {
-        let output = experiment(folder.path(), &[&["table1"], more].concat());
+        let output = experiment(folder, &[&["table1"], more].concat());
         assert!(!output.status.success());
         text(&output.stderr)
     };
-    let missing = at("none.onnx");
+    let missing = folder.join("none.onnx");
     let refused_at_once = ["--demonstrations", "2", "--frozen-encoder", path(&missing)];
     let said = refused(&refused_at_once);
     assert!(said.contains("none.onnx: No such file"), "{said}");

@@ -127,17 +127,17 @@ impl Search {
         let folder = metadata.parent().unwrap_or(Path::new(""));
         keep_first(&mut self.bag, folder);
         for file in bag::present(folder) {
-            self.take_file(file, view);
+            self.take_file(&file, view);
         }
         Ok(())
     }
 
     /// Takes a file that nobody named if it is an MCAP file.
-    fn take_file(&mut self, path: PathBuf, view: &View) {
-        if is_mcap(&path) {
-            self.take_mcap(&path, vec![path.clone()], view);
-        } else if is_of_other_format(&path) {
-            keep_first(&mut self.passed_over, &path);
+    fn take_file(&mut self, path: &Path, view: &View) {
+        if is_mcap(path) {
+            self.take_mcap(path, vec![path.to_owned()], view);
+        } else if is_of_other_format(path) {
+            keep_first(&mut self.passed_over, path);
         }
     }
 
@@ -190,7 +190,7 @@ impl Search {
                     self.take_folder(&path, view)?;
                 }
             } else {
-                self.take_file(path, view);
+                self.take_file(&path, view);
             }
         }
         Ok(())
