@@ -9,7 +9,7 @@ use super::loaded::bedroom_at;
 use super::parent::EndOfInput;
 use super::progress;
 use super::train::{CHECKPOINT, Prepared, Printer, prepared, tell_ended};
-use super::training_config::{EncoderRecord, baseline_config, write_run_with};
+use super::training_config::{EncoderRecord, baseline_config, write_run};
 use super::worlds::composed;
 use crate::composer::ResolvedTask;
 use crate::experiment::{EpisodeResult, Evaluation, ScoredBedroom};
@@ -67,7 +67,7 @@ pub(super) fn train_method(
     if !run_folder.path().join(CHECKPOINT).exists() {
         let given = arguments.frozen_encoder.as_ref().zip(frozen.as_ref());
         let encoder = given.map(|(path, encoder)| EncoderRecord::new(path, encoder));
-        write_run_with(run_folder.path(), &config, config.seed, &digests, encoder)?;
+        write_run(run_folder.path(), &config, config.seed, &digests, encoder)?;
     }
     let mut printer = Printer {
         bar: progress::bar("training", config.steps),

@@ -59,7 +59,7 @@ pub(super) fn train(
     check_training(&sets, &config)?;
     let run_folder = run_place.take(arguments, &sets)?;
     if !run_folder.path().join(CHECKPOINT).exists() {
-        write_run(run_folder.path(), &config, config.seed, &digests)?;
+        write_run(run_folder.path(), &config, config.seed, &digests, None)?;
     }
     let mut printer = Printer {
         bar: progress::bar("training", config.steps),

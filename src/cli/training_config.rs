@@ -218,19 +218,9 @@ impl EncoderRecord {
     }
 }
 
-/// Keeps the configuration of a training in its run folder, and with which version of the program and on
-/// which demonstrations, by their SHA-256, it was started.
+/// Keeps the configuration of a training in its run folder, and with which version of the program, on
+/// which demonstrations, by their SHA-256, and with which encoder, if it was given one, it was started.
 pub(super) fn write_run(
-    run_folder: &Path,
-    config: &impl Serialize,
-    seed: u64,
-    digests: &BTreeMap<String, String>,
-) -> Result<(), CliError> {
-    write_run_with(run_folder, config, seed, digests, None)
-}
-
-/// The same of a training that was given an encoder, which is named beside the demonstrations.
-pub(super) fn write_run_with(
     run_folder: &Path,
     config: &impl Serialize,
     seed: u64,

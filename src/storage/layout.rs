@@ -265,17 +265,16 @@ impl<'a> Layout<'a> {
 
     /// Which values of the actions lie beyond the ranges that the mapping file gives.
     pub fn values_beyond(&self, path: &Path, steps: Option<&Steps>) -> Vec<String> {
-        let (Some(topic), Some(steps)) = (&self.actions, steps) else {
+        // Without a range the actions need not be read a second time.
+        let (Some(topic), Some(steps), Some(ranges)) = (&self.actions, steps, self.view.ranges())
+        else {
             return Vec::new();
         };
-        if self.view.mapping.is_none() {
-            return Vec::new();
-        }
         // An action that cannot be understood is told when the recording is read.
         let actions = topic.actions(path);
         actions.map_or_else(
             |_| Vec::new(),
-            |actions| steps.values_beyond(self.view, &actions, self.unseen(steps)),
+            |actions| steps.values_beyond(&ranges, &actions, self.unseen(steps)),
         )
     }
 

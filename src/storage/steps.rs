@@ -6,9 +6,9 @@ use std::sync::Arc;
 use super::film::Film;
 use super::mapping::ActionShape;
 use super::scan::seconds_between;
-use super::view::{View, typical_rate_hz};
+use super::view::typical_rate_hz;
 use super::{RecordingReport, StorageError};
-use crate::trajectory::{Action, Observation, Step};
+use crate::trajectory::{Action, Binning, Observation, Step};
 
 /// The actions of a recording that begin a step. Each lasts until the next one begins.
 pub(super) struct Steps {
@@ -51,15 +51,12 @@ impl Steps {
     }
 
     /// Which values of the actions of the steps from the given one on lie beyond the ranges that a mapping file gives.
-    pub fn values_beyond(&self, view: &View, all: &[Action], first: usize) -> Vec<String> {
-        let Some(mapping) = &view.mapping else {
-            return Vec::new();
-        };
+    pub fn values_beyond(&self, ranges: &Binning, all: &[Action], first: usize) -> Vec<String> {
         // What makes no action is told when the recording is read.
         let Ok(actions) = self.actions(Path::new(""), all, first) else {
             return Vec::new();
         };
-        let beyond = mapping.binning(1).beyond(&self.shape.space, actions.iter());
+        let beyond = ranges.beyond(&self.shape.space, actions.iter());
         beyond.iter().map(ToString::to_string).collect()
     }
 

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::StorageError;
 use super::mapping::{ActionShape, Mapping, SaidOfTopic};
 use super::topic::{Channel, Role, camera_name};
-use crate::trajectory::{ActionSpace, Image};
+use crate::trajectory::{ActionSpace, Binning, Image};
 
 /// What is asked for beside what mapping files say; it goes before them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -71,6 +71,12 @@ pub(super) struct View {
 }
 
 impl View {
+    /// How the mapping file cuts continuous actions, where it gives a range for any of their dimensions.
+    pub fn ranges(&self) -> Option<Binning> {
+        let binning = self.mapping.as_ref()?.binning(1);
+        binning.has_range().then_some(binning)
+    }
+
     /// What a channel is for.
     pub fn role(&self, channel: &Channel) -> Role {
         let Some(mapping) = &self.mapping else {

@@ -82,6 +82,12 @@ impl Binning {
         }
     }
 
+    /// Whether a range is given for any dimension, beyond which values could lie.
+    pub(crate) fn has_range(&self) -> bool {
+        let mut all = self.dimensions.values().chain([&self.default]);
+        all.any(|dimension| dimension.low.is_some() || dimension.high.is_some())
+    }
+
     /// How the dimension of this name is cut.
     #[must_use]
     pub fn of(&self, dimension: &str) -> &DimensionBinning {

@@ -8,7 +8,7 @@ use crate::cli::arguments::{Arguments, ChainingArguments, EvaluateArguments, Pla
 use crate::cli::error::CliError;
 use crate::cli::evaluate::{bedroom, episodes};
 use crate::cli::kept::{Missing, keep, keep_text, kept};
-use crate::cli::loaded::{Loaded, bedroom_at, graph_digests};
+use crate::cli::loaded::{Loaded, bedroom_at, digests_by_task, graph_digests};
 use crate::cli::recipe::{Ingredient, Recipe};
 use crate::cli::revision::revision;
 use crate::cli::worlds::composed;
@@ -198,11 +198,8 @@ fn recipe(loaded: &Loaded, evaluated: &EvaluateArguments) -> Result<Recipe, CliE
 /// cells name them.
 fn named_digests(composition: &Composition) -> Result<Digests, CliError> {
     let mut digests = digests_of(&composition.model, None)?;
-    for graph in graph_digests(composition)? {
-        if let Some((task, digest)) = graph.rsplit_once(':') {
-            digests.insert(format!("graph of {task}"), digest.to_owned());
-        }
-    }
+    let graphs = digests_by_task(composition)?;
+    digests.extend(graphs.map(|(task, digest)| (format!("graph of {task}"), digest)));
     Ok(digests)
 }
 

@@ -226,6 +226,14 @@ fn rows(methods: &[Method], demonstrations: &[usize]) -> Vec<(Method, usize)> {
     methods.iter().flat_map(of).collect()
 }
 
+/// The milliseconds that the paper has of a method with so many demonstrations.
+fn published(method: &Method, demonstrations: usize) -> Option<f64> {
+    let of_row = |(name, number, _): &&(&str, usize, f64)| {
+        *name == method.name && (*number == 0 || *number == demonstrations)
+    };
+    PAPER.iter().find(of_row).map(|(.., millis)| *millis)
+}
+
 fn table(demonstrations: &[usize], cells: &[TimeCell]) -> String {
     let mut table = String::from("| milliseconds a step, median (99th percentile) |");
     for (_, described) in ENGINES {
@@ -249,10 +257,7 @@ fn table(demonstrations: &[usize], cells: &[TimeCell]) -> String {
             );
             let _ = write!(table, " {text} |");
         }
-        let paper = PAPER
-            .iter()
-            .find(|(name, n, _)| *name == method.name && (*n == 0 || *n == number));
-        let paper = paper.map_or_else(String::new, |(_, _, ms)| format!("{ms:.0}"));
+        let paper = published(&method, number).map_or_else(String::new, |ms| format!("{ms:.0}"));
         let _ = writeln!(table, " {paper} |");
     }
     with_note(table, cells.iter().any(|cell| cell.is_quick))

@@ -1,6 +1,6 @@
 use std::fs::{self, File};
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::cli::error::CliError;
 use crate::storage::what_would_be_lost;
@@ -22,7 +22,7 @@ pub(super) fn check_model_place(out: &Path) -> Result<(), CliError> {
 /// Checks that a folder can be made where none is, by whether the nearest one around it can be written to. Of a folder that
 /// is there it must be possible within it or beside it, as a model is written. Leaves nothing behind.
 pub(super) fn check_can_be_made(place: &Path) -> Result<(), CliError> {
-    let whole = std::path::absolute(place).unwrap_or_else(|_| place.to_owned());
+    let whole = whole(place);
     let mut there = whole.ancestors().filter(|path| path.exists());
     let Some(nearest) = there.next() else {
         return Ok(());
@@ -37,6 +37,11 @@ pub(super) fn check_can_be_made(place: &Path) -> Result<(), CliError> {
         path: place.to_owned(),
         source,
     })?)
+}
+
+/// A path from the root on.
+pub(super) fn whole(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
 /// Rights alone do not tell whether a folder can be written to: a file system can be there to be read only.

@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use super::place::{check_can_be_made, check_model_place};
+use super::place::{check_can_be_made, check_model_place, whole};
 use super::sets::describe_bins;
 use crate::cli::arguments::TrainArguments;
 use crate::cli::error::CliError;
@@ -76,11 +76,6 @@ fn taken(arguments: &TrainArguments, run: &Path) -> Result<RunFolder, CliError> 
         );
     }
     Ok(run_folder)
-}
-
-/// A path from the root on.
-fn whole(path: &Path) -> PathBuf {
-    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
 /// Runs lie beside the model, which is to hold nothing but what deploys.

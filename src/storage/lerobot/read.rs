@@ -124,7 +124,9 @@ impl Frames<'_> {
             rate_hz: info.fps,
         });
         let mut remarks = steps.remarks(std::iter::empty());
-        remarks.extend(steps.values_beyond(view, &self.actions, 0));
+        if let Some(ranges) = view.ranges() {
+            remarks.extend(steps.values_beyond(&ranges, &self.actions, 0));
+        }
         let ends = self.times.first().zip(self.times.last());
         RecordingReport {
             path: self.dataset.root.clone(),

@@ -2,7 +2,7 @@ use std::path::Path;
 
 use super::super::method::Method;
 use super::super::plan::with_version;
-use super::{ENGINES, NAME, PAPER, TimeCell};
+use super::{ENGINES, NAME, TimeCell, published};
 use crate::cli::error::CliError;
 use crate::view::{Timing, write_times_svg};
 
@@ -34,12 +34,9 @@ fn timing(method: &Method, demonstrations: usize, cells: &[TimeCell]) -> Timing 
         });
         cell.map(|cell| [cell.step_median_ms, cell.step_p99_ms])
     };
-    let of_row = |(name, number, _): &&(&str, usize, f64)| {
-        *name == method.name && (*number == 0 || *number == demonstrations)
-    };
     Timing {
         label: format!("{}, {demonstrations} demonstrations", method.described),
         times: ENGINES.into_iter().map(of_engine).collect(),
-        published: PAPER.iter().find(of_row).map(|(.., millis)| *millis),
+        published: published(method, demonstrations),
     }
 }
