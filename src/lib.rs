@@ -77,6 +77,7 @@ pub mod environment;
 #[cfg(feature = "simulator")]
 pub mod experiment;
 pub mod graph;
+mod hidden;
 pub mod inference;
 mod lock;
 pub mod model;

@@ -1,11 +1,11 @@
 //! Files and folders that appear whole or not at all.
 
-use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use super::StorageError;
+use crate::hidden::{PREVIOUS, bring_back, neighbour};
 
 /// Writes a file whole or not at all: `fill` writes to a hidden neighbour, which then takes the
 /// place of `path`. Missing folders are made.
@@ -82,7 +82,7 @@ pub(super) fn replace_folder(
 ) -> Result<(), StorageError> {
     make_parent(folder)?;
     settle_folder(folder)?;
-    let (draft, previous) = (neighbour(folder, "tmp"), neighbour(folder, "previous"));
+    let (draft, previous) = (neighbour(folder, "tmp"), neighbour(folder, PREVIOUS));
     remove_folder(&draft)?;
     remove_folder(&previous)?;
     fs::create_dir(&draft).map_err(StorageError::io("create", &draft))?;
@@ -100,11 +100,7 @@ pub(super) fn replace_folder(
 /// Brings back the previous folder if a process was killed after it had been moved away and before
 /// its successor took its place.
 pub(super) fn settle_folder(folder: &Path) -> Result<(), StorageError> {
-    let previous = neighbour(folder, "previous");
-    if !folder.exists() && previous.exists() {
-        fs::rename(&previous, folder).map_err(StorageError::io("restore", folder))?;
-    }
-    Ok(())
+    bring_back(folder).map_err(StorageError::io("restore", folder))
 }
 
 fn remove_folder(folder: &Path) -> Result<(), StorageError> {
@@ -121,14 +117,6 @@ fn make_parent(path: &Path) -> Result<(), StorageError> {
         }
         _ => Ok(()),
     }
-}
-
-fn neighbour(path: &Path, ending: &str) -> PathBuf {
-    let mut name = OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(".");
-    name.push(ending);
-    path.with_file_name(name)
 }
 
 #[cfg(test)]

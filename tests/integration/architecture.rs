@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 const FLOORS: &[(&str, u32)] = &[
     ("wording", 0),
     ("lock", 0),
+    ("hidden", 0),
     ("trajectory", 0),
     ("task", 1),
     ("model", 1),

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::folder::neighbour;
+use crate::hidden::neighbour;
 use crate::lock::Lock;
 use crate::training::TrainingError;
 

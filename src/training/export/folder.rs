@@ -1,12 +1,12 @@
 //! The folder of a model or a baseline, which is replaced as a whole.
 
-use std::ffi::OsString;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use super::alone::Alone;
 use super::files::{UNFINISHED, failed, write_to_disk};
+use crate::hidden::{self, PREVIOUS, moved_from, neighbour};
 use crate::model::{
     ENCODER_FILE, LANDMARKS_FILE, MANIFEST_FILE, POLICY_FILE, PROJECTION_FILE, TRAVERSABILITY_FILE,
 };
@@ -21,9 +21,6 @@ const MODEL_FILES: [&str; 6] = [
     LANDMARKS_FILE,
     MANIFEST_FILE,
 ];
-
-/// How the name of the hidden neighbour ends to which an older folder is moved.
-const PREVIOUS: &str = "previous";
 
 /// Whether a file of this name in the folder of a model or a baseline is part of it, or was left by an export that was
 /// killed. Any other file stays when another model takes the place.
@@ -67,7 +64,7 @@ pub fn write_folder(
 /// # Errors
 /// [`TrainingError::Io`] when it cannot be moved, [`TrainingError::ModelInUse`] while another process replaces it.
 pub fn recover_folder(folder: &Path) -> Result<(), TrainingError> {
-    if folder.exists() || !neighbour(folder, PREVIOUS).exists() {
+    if moved_from(folder).is_none() {
         return Ok(());
     }
     let _alone = Alone::with(folder)?;
@@ -163,13 +160,11 @@ fn write_all(
 
 /// Brings back a folder that was moved away where nothing has taken its place, or an empty folder has.
 fn bring_back(folder: &Path) -> Result<(), TrainingError> {
-    let previous = neighbour(folder, PREVIOUS);
-    // Only a folder in which nothing lies can be removed so.
-    let is_free = || !folder.exists() || fs::remove_dir(folder).is_ok();
-    if previous.exists() && is_free() {
-        fs::rename(&previous, folder).map_err(failed("bring back", folder))?;
+    if neighbour(folder, PREVIOUS).exists() {
+        // Only a folder in which nothing lies can be removed so.
+        let _ = fs::remove_dir(folder);
     }
-    Ok(())
+    hidden::bring_back(folder).map_err(failed("bring back", folder))
 }
 
 /// Brings back a folder that was moved away; from one whose place is taken it brings what was no part of the model, and
@@ -207,15 +202,6 @@ fn make_empty(folder: &Path) -> io::Result<()> {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
         _ => fs::create_dir_all(folder),
     }
-}
-
-/// The hidden neighbour of a folder.
-pub(super) fn neighbour(folder: &Path, ending: &str) -> PathBuf {
-    let mut name = OsString::from(".");
-    name.push(folder.file_name().unwrap_or_default());
-    name.push(".");
-    name.push(ending);
-    folder.with_file_name(name)
 }
 
 #[cfg(test)]
