@@ -8,18 +8,21 @@ use super::reader::{listed, suggestion};
 use super::resolved_task::ResolvedTask;
 use super::source::Origin;
 use crate::graph::{Node, TopologicalGraph};
+use crate::hidden::moved_from;
 use crate::planner::FinalChoice;
 
 impl Composition {
     /// Whether the folders of the graphs and of the model are there.
     ///
     /// # Errors
-    /// A diagnostic for each that is missing, at the line that names it, with the command that makes it.
+    /// A diagnostic for each that is missing, at the line that names it, with the command that makes it or
+    /// brings it back.
     pub fn check_files(&self) -> Result<(), Diagnostics> {
         let mut faults = Faults::default();
         let mut check = |path: &Path, what: String, origin: Option<&Origin>, help: String| {
             if !path.is_dir() {
                 let message = format!("{what} is not there: {} is no folder", path.display());
+                let help = moved_from(path).map_or(help, |previous| way_back(path, &previous));
                 faults.add(Diagnostic::error(message).at_any(origin).help(help));
             }
         };
@@ -89,6 +92,12 @@ impl Composition {
     }
 }
 
+/// How a folder comes back that a command which was killed had moved away.
+fn way_back(folder: &Path, previous: &Path) -> String {
+    let (folder, previous) = (folder.display(), previous.display());
+    format!("a command that was killed had moved it away; bring it back: mv {previous} {folder}")
+}
+
 fn check_subgoals(task: &ResolvedTask, nodes: &[&Node], faults: &mut Faults) {
     let seen = nodes.iter().flat_map(|n| &n.reached);
     let seen: BTreeSet<&str> = seen.map(|s| s.name.as_str()).collect();
@@ -120,17 +129,23 @@ fn passed(faults: Faults) -> Result<(), Diagnostics> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
     use crate::composer::{FoundBy, TaskSpec};
     use crate::task::{Order, OrderAutomaton, Subgoal};
 
     fn composition(choice: FinalChoice) -> Composition {
+        composition_below(Path::new(""), choice)
+    }
+
+    fn composition_below(root: &Path, choice: FinalChoice) -> Composition {
         let task = |name: &str, subgoals: [&str; 2]| {
             TaskSpec::new(name, "graphs/nowhere")
                 .model("graphs/nowhere")
                 .subgoal(subgoals[0], FoundBy::Marker(None))
                 .subgoal(subgoals[1], FoundBy::End)
-                .resolve(Path::new(""))
+                .resolve(root)
                 .expect("a sound task")
         };
         Composition::builder("both")
@@ -233,5 +248,17 @@ mod tests {
         assert_eq!(told.len(), 3, "{told:?}");
         assert!(told[0].contains("catena graph build tasks/a.yaml --model graphs/nowhere"));
         assert!(told[2].contains("catena train"), "{told:?}");
+    }
+
+    #[test]
+    fn folders_that_were_moved_away_are_told_with_the_way_back() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("graphs/nowhere");
+        let previous = root.path().join("graphs/.nowhere.previous");
+        fs::create_dir_all(&previous).unwrap();
+        let told = told(composition_below(root.path(), FinalChoice::Nearest).check_files());
+        let way_back = format!("mv {} {}", previous.display(), folder.display());
+        assert_eq!(told.len(), 3, "{told:?}");
+        assert!(told.iter().all(|t| t.contains(&way_back)), "{told:?}");
     }
 }

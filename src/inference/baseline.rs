@@ -28,11 +28,12 @@ impl Baseline {
     /// Loads the baseline in a folder, after checking each of its files against the manifest.
     ///
     /// # Errors
-    /// [`InferenceError::FileUnreadable`] for a missing file, [`InferenceError::ManifestRefused`] when
-    /// the manifest is a model's or of another version, or a file differs from it,
-    /// [`InferenceError::SpecImpossible`] when the manifest says what no baseline has,
-    /// [`InferenceError::EngineFailed`] when the engine refuses a network, [`InferenceError::NetworkMisfit`] when
-    /// one is not what the manifest says, and the errors of [`Engine::select`].
+    /// [`InferenceError::FileUnreadable`] for a missing file, [`InferenceError::MovedAway`] for a folder that
+    /// a killed command had moved away, [`InferenceError::ManifestRefused`] when the manifest is a model's or
+    /// of another version, or a file differs from it, [`InferenceError::SpecImpossible`] when it says what no
+    /// baseline has, [`InferenceError::EngineFailed`] when the engine refuses a network,
+    /// [`InferenceError::NetworkMisfit`] when one is not what the manifest says, and the errors of
+    /// [`Engine::select`].
     pub fn load(folder: &Path, choice: EngineChoice) -> Result<Self, InferenceError> {
         let refused = |source: ManifestError| InferenceError::ManifestRefused {
             folder: folder.to_path_buf(),

@@ -17,6 +17,17 @@ pub enum InferenceError {
         /// What the operating system said.
         source: io::Error,
     },
+    /// The folder was moved away by a command that was killed before another took its place.
+    #[error(
+        "there is no {folder}: a command that was killed had moved it away; bring it back: \
+         mv {previous} {folder}"
+    )]
+    MovedAway {
+        /// The folder of the model or the baseline.
+        folder: PathBuf,
+        /// Where it lies now.
+        previous: PathBuf,
+    },
     /// The manifest is not one, or a file is not the one that the manifest was written with.
     #[error("the model in {folder} was refused: {source}")]
     ManifestRefused {

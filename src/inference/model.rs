@@ -3,6 +3,7 @@ use std::path::Path;
 
 use super::network::Network;
 use super::{Engine, EngineChoice, InferenceError};
+use crate::hidden::moved_from;
 use crate::model::{
     ENCODER_FILE, LANDMARKS_FILE, LandmarkBook, Latents, LocalPolicy, MANIFEST_FILE, ManifestError,
     ModelError, ModelManifest, POLICY_FILE, PROJECTION_FILE, TRAVERSABILITY_FILE, Traversability,
@@ -24,9 +25,9 @@ impl Model {
     /// Loads the model in a folder, after checking each of its files against the manifest.
     ///
     /// # Errors
-    /// [`InferenceError::FileUnreadable`] for a missing file, [`InferenceError::ManifestRefused`] when
-    /// the manifest is of another version or a file differs from it,
-    /// [`InferenceError::SpecImpossible`] when the manifest says what no model has,
+    /// [`InferenceError::FileUnreadable`] for a missing file, [`InferenceError::MovedAway`] for a folder that
+    /// a killed command had moved away, [`InferenceError::ManifestRefused`] when the manifest is of another
+    /// version or a file differs from it, [`InferenceError::SpecImpossible`] when it says what no model has,
     /// [`InferenceError::EngineFailed`] when the engine refuses a network,
     /// [`InferenceError::NetworkMisfit`] when one is not what the manifest says, and the errors
     /// of [`Engine::select`].
@@ -191,10 +192,20 @@ pub(super) fn check_names(
     Ok(())
 }
 
+/// The bytes of a file in the folder of a model or a baseline.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, InferenceError> {
-    std::fs::read(path).map_err(|source| InferenceError::FileUnreadable {
-        path: path.to_path_buf(),
-        source,
+    std::fs::read(path).map_err(|source| {
+        let folder = path.parent().unwrap_or(path);
+        match moved_from(folder) {
+            Some(previous) => InferenceError::MovedAway {
+                folder: folder.to_path_buf(),
+                previous,
+            },
+            None => InferenceError::FileUnreadable {
+                path: path.to_path_buf(),
+                source,
+            },
+        }
     })
 }
 

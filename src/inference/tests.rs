@@ -177,3 +177,24 @@ fn missing_files_and_networks_under_each_other_s_name_are_named() {
     );
     assert!(error.to_string().contains("policy.onnx"), "{error}");
 }
+
+#[test]
+fn a_folder_that_was_moved_away_is_told_with_the_way_back() {
+    let place = tempfile::tempdir().expect("a temporary folder");
+    let [folder, previous] = ["model", ".model.previous"].map(|name| place.path().join(name));
+    let written = model_folder();
+    std::fs::rename(written.path(), &previous).expect("moving it away");
+    let of_model = Model::load(&folder, EngineChoice::Auto).map(drop);
+    let of_baseline = Baseline::load(&folder, EngineChoice::Auto).map(drop);
+    let way_back = format!("mv {} {}", previous.display(), folder.display());
+    for loaded in [of_model, of_baseline] {
+        let error = loaded.expect_err("it is not there");
+        assert!(
+            matches!(error, InferenceError::MovedAway { .. })
+                && error.to_string().ends_with(&way_back),
+            "{error}"
+        );
+    }
+    std::fs::rename(&previous, &folder).expect("moving it back");
+    Model::load(&folder, EngineChoice::Auto).expect("a model that is back");
+}
