@@ -60,9 +60,11 @@ pub(super) fn chaining(
     }
     for (method, Missing { file, digest }) in missing {
         let loaded = loaded_with(method, evaluated, arguments)?;
+        let measured = measure(method, &loaded, evaluated, arguments, digest)?;
         let cell = ChainingCell {
+            commands: vec![command(evaluated, &measured.evaluation.level, is_quick)],
             is_quick,
-            ..measure(method, &loaded, evaluated, arguments, digest)?
+            ..measured
         };
         keep(&file, &cell)?;
         println!(
@@ -203,10 +205,12 @@ fn named_digests(composition: &Composition) -> Result<Digests, CliError> {
     Ok(digests)
 }
 
-/// The command that makes a cell, beside others.
-fn command(evaluated: &EvaluateArguments, level: &str) -> String {
+/// The command that makes a cell, beside others. Without `--quick` it would find the cells of the whole version, and
+/// keep them whatever their number of episodes.
+fn command(evaluated: &EvaluateArguments, level: &str, is_quick: bool) -> String {
+    let quick = if is_quick { " --quick" } else { "" };
     format!(
-        "catena experiment chaining {} --episodes {} --seed {} --level {level}",
+        "catena experiment chaining {}{quick} --episodes {} --seed {} --level {level}",
         evaluated.target, evaluated.episodes, evaluated.seed
     )
 }
@@ -271,7 +275,6 @@ fn measure(
     let commit = revision(&arguments.root);
     let cell = ChainingCell::new(method, &judged, evaluation, digest, commit);
     Ok(ChainingCell {
-        commands: vec![command(evaluated, &cell.evaluation.level)],
         digests: named_digests(&loaded.composition)?,
         ..cell
     })
@@ -314,9 +317,14 @@ mod tests {
     fn a_cell_names_its_command_and_what_it_was_measured_with() {
         let evaluated = evaluation_of(&chaining_arguments(&["--episodes", "3"]));
         assert_eq!(
-            command(&evaluated, "paper"),
+            command(&evaluated, "paper", false),
             "catena experiment chaining tasks/sequences/sock_then_trash.yaml --episodes 3 --seed 100 \
              --level paper"
+        );
+        assert_eq!(
+            command(&evaluated, "paper", true),
+            "catena experiment chaining tasks/sequences/sock_then_trash.yaml --quick --episodes 3 \
+             --seed 100 --level paper"
         );
         let composition = planned_with(ChainingMethod::Ours, &evaluated, root()).unwrap();
         let digests = named_digests(&composition).unwrap();
