@@ -9,8 +9,7 @@ use serde_json::Value;
 use crate::cli::error::CliError;
 use crate::cli::recipe::Ingredient;
 use crate::cli::train::PRACTICE_OF;
-use crate::model::MANIFEST_FILE;
-use crate::storage::sha256_file;
+use crate::model::{MANIFEST_FILE, sha256_hex};
 
 /// Digests by the names of what they are of.
 pub(super) type Digests = BTreeMap<String, String>;
@@ -27,12 +26,10 @@ const ENCODER: &str = "frozen encoder";
 /// encoder that somebody else trained, if the model has one.
 pub(super) fn digests_of(model: &Path, encoder: Option<&str>) -> Result<Digests, CliError> {
     let file = model.join(MANIFEST_FILE);
-    let mut digests = Digests::from([(MODEL.to_owned(), sha256_file(&file)?)]);
+    let text = fs::read(&file).map_err(CliError::io(&file))?;
+    let mut digests = Digests::from([(MODEL.to_owned(), sha256_hex(&text))]);
     digests.extend(encoder.map(|digest| (ENCODER.to_owned(), digest.to_owned())));
-    let manifest: Value = fs::read(&file)
-        .ok()
-        .and_then(|text| serde_json::from_slice(&text).ok())
-        .unwrap_or_default();
+    let manifest: Value = serde_json::from_slice(&text).unwrap_or_default();
     let datasets = manifest["training"]["datasets"].as_object();
     for (task, digest) in datasets.into_iter().flatten() {
         if let Some(digest) = digest.as_str() {
@@ -89,9 +86,12 @@ mod tests {
                 "practice of sock"
             ]
         );
-        assert_eq!(digests["model"].len(), 64);
+        assert_eq!(digests["model"], sha256_hex(manifest.as_bytes()));
         let without = digests_of(folder.path(), None).unwrap();
         assert!(!without.contains_key(ENCODER));
+        let nowhere = digests_of(&folder.path().join("nowhere"), None);
+        let refused = nowhere.unwrap_err().to_string();
+        assert!(refused.contains("nowhere/manifest.json"), "{refused}");
 
         let cell = serde_json::json!({"digests": digests});
         let told = |recordings: &str, encoder| {
