@@ -119,6 +119,7 @@ pub(super) fn describe(loaded: &Loaded, planned: &Planned) -> String {
         report.final_state
     );
     text.push_str(&limit_note(report.steps, loaded.composition.limits.steps));
+    text.push_str(empty_note(report.steps, &report.audit));
     if report.orders != Some(1) {
         let others = loaded.composition.other_tasks.iter();
         let not_done: Vec<&str> = others.map(|t| t.task.name.as_str()).collect();
@@ -198,6 +199,17 @@ fn limit_note(steps: u32, limit: u32) -> String {
     )
 }
 
+/// What is to be said of a plan without a step; nothing of others.
+fn empty_note(steps: u32, audit: &Audit) -> &'static str {
+    if steps > 0 {
+        return "";
+    }
+    if audit.is_clean() {
+        return "  it starts at a final state: nothing is left to be done\n";
+    }
+    "  it starts at a final state; 'planner: {search: in_order}' plans what it never gets to\n"
+}
+
 /// An order of several, and by what it was chosen.
 fn described_order(
     tasks: &[String],
@@ -266,7 +278,7 @@ fn explain(loaded: &Loaded, planner: &Planner) -> Result<Explanation, CliError> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::task::{Order, OrderAutomaton};
+    use crate::task::{Order, OrderAutomaton, Subgoal};
 
     #[test]
     fn a_plan_that_no_run_gets_through_is_told() {
@@ -274,6 +286,28 @@ mod tests {
         let told = limit_note(80, 10);
         assert!(
             told.contains("ends after 10 steps ('limits: {steps: ...}')"),
+            "{told}"
+        );
+    }
+
+    #[test]
+    fn a_plan_without_a_step_is_told() {
+        let all_done = Audit::default();
+        let missed = Subgoal {
+            task: "sock".to_owned(),
+            name: "drawer_open".to_owned(),
+        };
+        let some_left = Audit {
+            missed: vec![missed],
+            ..Audit::default()
+        };
+        for audit in [&all_done, &some_left] {
+            assert_eq!(empty_note(1, audit), "");
+        }
+        assert!(empty_note(0, &all_done).ends_with("nothing is left to be done\n"));
+        let told = empty_note(0, &some_left);
+        assert!(
+            told.contains("starts at a final state") && told.contains("{search: in_order}"),
             "{told}"
         );
     }
