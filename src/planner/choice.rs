@@ -1,4 +1,4 @@
-use std::collections::HashMap;
+use std::collections::HashSet;
 
 use serde::{Deserialize, Serialize};
 
@@ -71,10 +71,10 @@ pub(super) fn open_final_places(
     automaton: &Automaton,
     layout: &Layout,
     choice: &FinalChoice,
-    avoided: &HashMap<NodeId, usize>,
+    avoided: &HashSet<NodeId>,
 ) -> Result<Vec<PlaceId>, PlannerError> {
     let mut places = final_places(graph, automaton, layout, choice)?;
-    places.retain(|place| !avoided.contains_key(&layout.place(*place).node));
+    places.retain(|place| !avoided.contains(&layout.place(*place).node));
     Ok(places)
 }
 

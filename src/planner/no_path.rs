@@ -1,6 +1,7 @@
-use std::collections::HashMap;
+use std::collections::HashSet;
 use std::fmt;
 
+use super::choice::open_final_places;
 use super::roads::{Rejection, Roads, road};
 use super::source::{crossings, sources_avoiding};
 use super::{CostToGo, LiveDistances, Localisation, PlaceId, Planner, Start};
@@ -9,7 +10,7 @@ use crate::task::Subgoal;
 use crate::wording;
 
 /// The places where a way may begin if these states, and no others, are avoided.
-type StartsAvoiding<'a> = &'a dyn Fn(&HashMap<NodeId, usize>) -> Vec<PlaceId>;
+type StartsAvoiding<'a> = &'a dyn Fn(&HashSet<NodeId>) -> Vec<PlaceId>;
 
 /// The place where a route breaks off that would be easiest to mend.
 #[derive(Clone, Debug, PartialEq)]
@@ -123,7 +124,7 @@ pub(super) fn explain(planner: &Planner, starts: &[PlaceId]) -> NoPath {
 
 /// Why no final state can be reached from where the terms say that the robot starts.
 pub(super) fn explain_start(planner: &Planner) -> NoPath {
-    let starts_avoiding = |avoided: &HashMap<NodeId, usize>| -> Vec<PlaceId> {
+    let starts_avoiding = |avoided: &HashSet<NodeId>| -> Vec<PlaceId> {
         let sources = sources_avoiding(planner, avoided);
         sources.iter().map(|source| source.place).collect()
     };
@@ -193,7 +194,7 @@ fn missed_entry(planner: &Planner) -> Option<Gap> {
     let mut best: Option<(f32, Gap)> = None;
     for crossing in crossings(planner, task) {
         let ends = [crossing.from, crossing.to];
-        let is_avoided = ends.iter().any(|n| planner.avoided.contains_key(n));
+        let is_avoided = ends.iter().any(|n| planner.avoided.contains(n));
         let rejection = match crossing.price {
             Err(rejection) => rejection,
             Ok(_) if is_avoided => Rejection::Avoided,
@@ -219,8 +220,7 @@ fn missed_entry(planner: &Planner) -> Option<Gap> {
 fn blocking(planner: &Planner, starts_avoiding: StartsAvoiding<'_>) -> Vec<String> {
     let regions = &planner.terms.avoid;
     let is_open_without = |left_out: &dyn Fn(usize) -> bool| {
-        let mut avoided = planner.avoided.clone();
-        avoided.retain(|_, region| !left_out(*region));
+        let avoided = planner.terms.avoided_but(left_out);
         let roads = Roads::new(
             &planner.graph,
             &planner.layout,
@@ -228,7 +228,7 @@ fn blocking(planner: &Planner, starts_avoiding: StartsAvoiding<'_>) -> Vec<Strin
             &planner.left_out,
             &avoided,
         );
-        let costs = CostToGo::new(&roads, &planner.finals);
+        let costs = CostToGo::new(&roads, &finals_avoiding(planner, &avoided));
         let mut starts = starts_avoiding(&avoided).into_iter();
         starts.any(|start| costs.cost(start).is_some())
     };
@@ -241,6 +241,23 @@ fn blocking(planner: &Planner, starts_avoiding: StartsAvoiding<'_>) -> Vec<Strin
         return regions.iter().map(|region| region.name.clone()).collect();
     }
     alone
+}
+
+/// The places at which a plan might end if these states, and no others, were avoided: those at which it may end now,
+/// and those that would no longer be avoided.
+fn finals_avoiding(planner: &Planner, avoided: &HashSet<NodeId>) -> Vec<PlaceId> {
+    let open = open_final_places(
+        &planner.graph,
+        &planner.automaton,
+        &planner.layout,
+        &planner.terms.end,
+        avoided,
+    );
+    let may_be_one = |end: &PlaceId| {
+        planner.finals.contains(end) || planner.avoided.contains(&planner.layout.place(*end).node)
+    };
+    let open = open.unwrap_or_default().into_iter();
+    open.filter(may_be_one).collect()
 }
 
 fn reachable(planner: &Planner, starts: &[PlaceId]) -> Vec<bool> {
@@ -270,7 +287,7 @@ fn best_edge(planner: &Planner, is_reached: &[bool]) -> Option<Gap> {
         }
         for (a, b) in planner.layout.joined(&planner.graph, from, to, edge) {
             let is_left_out = planner.left_out.contains(&(from, to));
-            let is_avoided = [from, to].iter().any(|n| planner.avoided.contains_key(n));
+            let is_avoided = [from, to].iter().any(|n| planner.avoided.contains(n));
             let rejection = match road(&planner.layout, &planner.options, (a, b), edge) {
                 Err(rejection) => rejection,
                 Ok(_) if is_left_out => Rejection::LeftOut,

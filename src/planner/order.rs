@@ -206,8 +206,8 @@ impl<'a> Product<'a> {
         let strangers = terms.strangers();
         let is_closed = |from: NodeId, to: NodeId| {
             left_out.contains(&(from, to))
-                || avoided.contains_key(&from)
-                || avoided.contains_key(&to)
+                || avoided.contains(&from)
+                || avoided.contains(&to)
                 || strangers.contains(&from)
                 || strangers.contains(&to)
         };
@@ -242,7 +242,7 @@ impl<'a> Product<'a> {
                 continue;
             };
             for node in self.timelines[task.name.as_str()].time_steps.keys() {
-                let is_open = !avoided.contains_key(node) && !strangers.contains(node);
+                let is_open = !avoided.contains(node) && !strangers.contains(node);
                 if is_open && self.is_final(*node, task, &terms.end) {
                     ways.push(link(self.place(occurrence, *node), self.goal().0, *skips));
                 }

@@ -1,4 +1,4 @@
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, HashSet};
 use std::sync::{Arc, OnceLock};
 
 use super::audit::audit_after;
@@ -82,8 +82,8 @@ pub struct Planner {
     pub(super) roads: Roads,
     pub(super) costs: CostToGo,
     pub(super) terms: Terms,
-    /// States of avoided regions, with their region's place in the terms.
-    pub(super) avoided: HashMap<NodeId, usize>,
+    /// States of avoided regions.
+    pub(super) avoided: HashSet<NodeId>,
     pub(super) finals: Vec<PlaceId>,
     /// What going to a state, or between two states, costs extra because it failed.
     failed_nodes: BTreeMap<NodeId, f64>,

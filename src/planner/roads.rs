@@ -1,4 +1,4 @@
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
 use super::{EdgeChoice, Layout, PlaceId, PlannerOptions, Price};
 use crate::graph::{Edge, EdgeKind, NodeId, TopologicalGraph};
@@ -47,13 +47,11 @@ impl Roads {
         layout: &Layout,
         options: &PlannerOptions,
         left_out: &HashSet<(NodeId, NodeId)>,
-        avoided: &HashMap<NodeId, usize>,
+        avoided: &HashSet<NodeId>,
     ) -> Self {
         let mut roads = Vec::new();
         let is_closed = |from: &NodeId, to: &NodeId| {
-            left_out.contains(&(*from, *to))
-                || avoided.contains_key(from)
-                || avoided.contains_key(to)
+            left_out.contains(&(*from, *to)) || avoided.contains(from) || avoided.contains(to)
         };
         let edges = graph.edges();
         for (from, to, edge) in edges.filter(|(from, to, _)| !is_closed(from, to)) {

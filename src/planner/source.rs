@@ -1,4 +1,4 @@
-use std::collections::HashMap;
+use std::collections::HashSet;
 
 use super::layout::leads_on;
 use super::roads::{Rejection, road_price};
@@ -38,7 +38,7 @@ pub(super) fn sources(planner: &Planner) -> Vec<Source> {
 }
 
 /// The same where these states are to be avoided instead.
-pub(super) fn sources_avoiding(planner: &Planner, avoided: &HashMap<NodeId, usize>) -> Vec<Source> {
+pub(super) fn sources_avoiding(planner: &Planner, avoided: &HashSet<NodeId>) -> Vec<Source> {
     let place = |id: PlaceId| planner.layout.place(id);
     let is_first = |id: PlaceId| place(id).occurrence == 0;
     let of = |keep: &dyn Fn(PlaceId) -> bool| -> Vec<Source> {
@@ -125,10 +125,10 @@ pub(super) fn crossings<'g>(planner: &'g Planner, task: &str) -> Vec<Crossing<'g
 }
 
 /// The edges from the end states of a task into the first one of the composition.
-fn entries(planner: &Planner, task: &str, avoided: &HashMap<NodeId, usize>) -> Vec<Source> {
-    let open = crossings(planner, task).into_iter().filter(|crossing| {
-        !avoided.contains_key(&crossing.from) && !avoided.contains_key(&crossing.to)
-    });
+fn entries(planner: &Planner, task: &str, avoided: &HashSet<NodeId>) -> Vec<Source> {
+    let open = crossings(planner, task)
+        .into_iter()
+        .filter(|crossing| !avoided.contains(&crossing.from) && !avoided.contains(&crossing.to));
     let mut found: Vec<Source> = open
         .filter_map(|crossing| {
             let price = crossing.price.ok()?;

@@ -1,4 +1,4 @@
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
 use serde::{Deserialize, Serialize};
 
@@ -84,11 +84,16 @@ impl Terms {
         names.join(", ")
     }
 
-    /// The state of each avoided region, with the region's place in the list.
-    pub(super) fn avoided(&self) -> HashMap<NodeId, usize> {
+    /// The states of all avoided regions.
+    pub(super) fn avoided(&self) -> HashSet<NodeId> {
+        self.avoided_but(&|_| false)
+    }
+
+    /// The same without the regions at some places of the list; a state that lies in another one, too, stays.
+    pub(super) fn avoided_but(&self, is_left_out: &dyn Fn(usize) -> bool) -> HashSet<NodeId> {
         let regions = self.avoid.iter().enumerate();
-        regions
-            .flat_map(|(i, region)| region.states.iter().map(move |state| (*state, i)))
+        let kept = regions.filter(|(i, _)| !is_left_out(*i));
+        kept.flat_map(|(_, region)| region.states.iter().copied())
             .collect()
     }
 }

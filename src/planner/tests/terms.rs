@@ -1,5 +1,6 @@
 //! Where plans start, what they avoid, and what is said of them.
 
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use proptest::prelude::*;
@@ -427,6 +428,51 @@ fn what_keeps_a_plan_from_beginning_at_the_end_of_a_task_is_said() {
     let why = told(graph, &a, back());
     assert_eq!(why.gap.as_ref().map(Gap::ends), Some((end, far)));
     assert!(why.advice.contains("forward_leap_steps"), "{why}");
+}
+
+#[test]
+fn where_regions_overlap_one_blocks_as_long_as_the_other_is_avoided() {
+    let graph = merged();
+    let region = |name: &str, steps: RangeInclusive<u32>| AvoidedRegion {
+        name: name.to_owned(),
+        states: states_in(&graph, &Region::of("a").steps(steps), &[]).expect("they are there"),
+    };
+    let terms = Terms {
+        avoid: vec![region("the puddle", 10..=15), region("the carpet", 8..=17)],
+        ..Terms::default()
+    };
+    let why = corridor_planner(terms).plan_from_start().unwrap_err();
+    // Without the carpet the puddle on it is in the way all the same.
+    assert_eq!(why.blocked_by, ["the puddle", "the carpet"]);
+}
+
+#[test]
+fn a_region_in_which_ends_lie_that_could_be_got_to_is_in_the_way() {
+    let graph = merged();
+    let region = |name: &str, states: &[(&str, u32)]| AvoidedRegion {
+        name: name.to_owned(),
+        states: states
+            .iter()
+            .map(|(id, step)| node_at(&graph, id, *step))
+            .collect(),
+    };
+    // Along demonstrations alone: two of three ends lie in the puddle, and the way to the third over the carpet.
+    let terms = Terms {
+        avoid: vec![
+            region("the puddle", &[("a1", 19), ("a2", 19)]),
+            region("the carpet", &[("a0", 12)]),
+        ],
+        ..Terms::default()
+    };
+    let [a, _] = tasks();
+    let automaton = Automaton::in_order(&[a]);
+    let along = PlannerOptions::default();
+    let planner = Planner::new(Arc::new(graph.clone()), &automaton, terms, along);
+    let why = planner
+        .expect("an end is left")
+        .plan_from_start()
+        .unwrap_err();
+    assert_eq!(why.blocked_by, ["the puddle", "the carpet"]);
 }
 
 #[test]
