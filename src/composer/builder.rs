@@ -176,10 +176,11 @@ impl CompositionBuilder {
             )));
         }
         let named = self.spec.order.iter().flat_map(Order::tasks);
-        let is_unknown = |name: &&str| self.tasks.iter().all(|t| t.task.name != *name);
-        for name in named.filter(is_unknown) {
+        // One at whose end the robot starts is known, but that alone does not make it one to be done.
+        for name in named.filter(|name| !self.spec.does(name)) {
             let message = format!("the order names task '{name}', which was not added");
-            faults.add(Diagnostic::error(message));
+            let fault = Diagnostic::error(message);
+            faults.add(fault.help("add each task that is to be done with `task`"));
         }
         let steps = self.spec.limits.value.steps;
         if !(1..=Limits::MAX_STEPS).contains(&steps) {
@@ -229,6 +230,21 @@ mod tests {
             .build()
             .unwrap_err();
         assert_eq!(empty.to_string(), "composition 'empty' has no tasks");
+    }
+
+    #[test]
+    fn a_task_of_the_order_that_is_only_where_the_robot_starts_is_not_dropped() {
+        let both = ["a", "b"].map(|name| Order::Task(name.to_owned()));
+        let builder = Composition::builder("both")
+            .model("m")
+            .task(task("a").unwrap())
+            .start_from(task("b").unwrap())
+            .order(Order::InOrder(both.to_vec()));
+        let faults = builder.clone().build().unwrap_err().to_string();
+        assert_eq!(faults, "the order names task 'b', which was not added");
+        let built = builder.task(task("b").unwrap()).build();
+        let built = built.expect("both are to be done");
+        assert_eq!(built.automaton.tasks(), ["a", "b"]);
     }
 
     #[test]
