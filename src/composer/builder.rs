@@ -163,7 +163,7 @@ impl CompositionBuilder {
     ///
     /// # Errors
     /// All faults: no tasks, no model, a limit out of range, a name that cannot be part of a path, a region
-    /// of a task that is not done, a final task that no order ends with.
+    /// of a task that is not done, a final task that no order ends with, an order in which nothing is done.
     pub fn build(self) -> Result<Composition, Diagnostics> {
         let mut faults = Faults::default();
         let name = self.spec.name.as_ref().map_or("", |n| &n.value).to_owned();
@@ -245,6 +245,27 @@ mod tests {
         let built = builder.task(task("b").unwrap()).build();
         let built = built.expect("both are to be done");
         assert_eq!(built.automaton.tasks(), ["a", "b"]);
+    }
+
+    #[test]
+    fn an_order_in_which_nothing_is_done_is_told() {
+        let part = || Box::new(Order::Task("a".to_owned()));
+        let never = Order::Repeat(0, part());
+        for order in [
+            Order::InOrder(Vec::new()),
+            Order::Choice(Vec::new()),
+            never.clone(),
+            Order::Optional(Box::new(never)),
+        ] {
+            let builder = Composition::builder("idle").model("m");
+            let built = builder.task(task("a").unwrap()).order(order).build();
+            let faults = built.unwrap_err().to_string();
+            assert_eq!(faults, "the order has no way on which a task is done");
+        }
+        let builder = Composition::builder("idle").model("m");
+        let perhaps = builder.task(task("a").unwrap());
+        let built = perhaps.order(Order::Optional(part())).build();
+        assert_eq!(built.expect("it may be done").automaton.tasks(), ["a"]);
     }
 
     #[test]
