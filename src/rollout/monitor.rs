@@ -246,12 +246,15 @@ impl<'a> Monitor<'a> {
                 skipped: due_at(skipped),
                 confidence: confidence(*to),
             }),
-            Some(StageChange::Ahead { to, skipped }) => events.push(Event::HeadingAhead {
-                step,
-                subgoal: subgoals[*to].clone(),
-                skipped: due_at(skipped),
-                confidence: confidence(*to),
-            }),
+            // A last task without subgoals has none that the robot could be heading for.
+            Some(StageChange::Ahead { to, skipped }) => {
+                events.extend(subgoals.get(*to).map(|subgoal| Event::HeadingAhead {
+                    step,
+                    subgoal: subgoal.clone(),
+                    skipped: due_at(skipped),
+                    confidence: confidence(*to),
+                }));
+            }
         }
         events
     }

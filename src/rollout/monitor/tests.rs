@@ -1,13 +1,15 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::graph::fakes::{BrokenEncoder, Oracle, PixelEncoder, forward};
+use crate::graph::TopologicalGraph;
+use crate::graph::fakes::{BrokenEncoder, Oracle, PixelEncoder, add_demonstration, forward, task};
 use crate::model::{
     ActionDistribution, GraspSense, Landmark, LandmarkBook, LocalPolicy, grasp_values,
 };
-use crate::planner::FilterOptions;
 use crate::planner::fakes::corridor;
+use crate::planner::{FilterOptions, FinalChoice, PlannerOptions};
 use crate::rollout::{Rollout, RolloutModel};
+use crate::task::Automaton;
 use crate::trajectory::{Image, RobotGeometry};
 
 /// The corridor's subgoals.
@@ -279,4 +281,46 @@ fn a_robot_beyond_what_it_never_reached_is_flagged_once() {
         })
         .collect();
     assert_eq!(flagged, [("second", vec!["first"])], "{events:?}");
+}
+
+#[test]
+fn a_last_task_without_subgoals_is_gone_about_without_harm() {
+    let tasks = [task("walk", &["first"]), task("rest", &[])];
+    let mut graph = TopologicalGraph::new(3, 5);
+    for (task, from, reached) in [(&tasks[0], 0, vec![8]), (&tasks[1], 40, vec![])] {
+        let places: Vec<Vec<f32>> = (from..from + 9)
+            .map(|x: u8| vec![f32::from(x), 0.0, 0.0])
+            .collect();
+        add_demonstration(&mut graph, task, &task.name, &places, &reached);
+    }
+    let planner = Planner::new(
+        Arc::new(graph),
+        &Automaton::in_order(&tasks),
+        &FinalChoice::Cheapest,
+        PlannerOptions::default(),
+    );
+    let model = MonitorModel {
+        encoder: &PixelEncoder::new(5),
+        traversability: &Oracle::new(5, forward),
+        landmarks: None,
+    };
+    let options = RolloutOptions {
+        near_probability: 0.0,
+        filter: FilterOptions {
+            classifier_weight: 0.0,
+            ..FilterOptions::default()
+        },
+        ..RolloutOptions::default()
+    };
+    let monitor = Monitor::new(model, &planner.expect("the graph has both"), &options);
+    let mut monitor = monitor.expect("the graph fits");
+    // It rests without having reached the subgoal of the walk.
+    let mut changes = Vec::new();
+    for x in (0..3).chain([44; 12]) {
+        let sight = monitor.look(seen_at(x)).expect("the oracle knows all");
+        assert_eq!(sight.events, [], "at {x}");
+        changes.extend(sight.localisation.change);
+    }
+    let skipped = vec![0];
+    assert_eq!(changes, [StageChange::Ahead { to: 1, skipped }]);
 }
