@@ -182,7 +182,7 @@ impl Planner {
         let is_bounded = self.options.search == Search::InOrder && !localisation.is_lost;
         if let (Some(slack), true) = (self.options.forward_leap_steps, is_bounded) {
             let ahead = place.time_steps - localisation.time_steps;
-            if ahead > (price.steps + slack) as f32 {
+            if ahead > price.steps.saturating_add(slack) as f32 {
                 return None;
             }
         }

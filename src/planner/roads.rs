@@ -154,7 +154,7 @@ pub(super) fn road_price(
     }
     let price = options.cost.price_edge(edge).ok_or(Rejection::Price)?;
     if let (Some(slack), true) = (options.forward_leap_steps, edge.kind != EdgeKind::Temporal)
-        && ahead() > (price.steps + slack) as f32
+        && ahead() > price.steps.saturating_add(slack) as f32
     {
         return Err(Rejection::Leap);
     }

@@ -431,6 +431,22 @@ fn what_keeps_a_plan_from_beginning_at_the_end_of_a_task_is_said() {
 }
 
 #[test]
+fn the_largest_leap_is_as_good_as_any() {
+    let planned = |forward_leap_steps| {
+        let options = PlannerOptions {
+            forward_leap_steps,
+            ..options()
+        };
+        let planner = Planner::new(Arc::new(merged()), &automaton(), Terms::default(), options);
+        let planner = planner.expect("the corridor has both tasks");
+        planner
+            .plan_from_start()
+            .expect("a way leads over the seam")
+    };
+    assert_eq!(planned(Some(u32::MAX)), planned(None));
+}
+
+#[test]
 fn where_regions_overlap_one_blocks_as_long_as_the_other_is_avoided() {
     let graph = merged();
     let region = |name: &str, steps: RangeInclusive<u32>| AvoidedRegion {
