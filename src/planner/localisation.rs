@@ -75,7 +75,8 @@ const POSSIBLE: f64 = 0.02;
 const KEPT_PLACES: usize = 1024;
 
 impl StageFilter {
-    /// A filter that believes the robot near the start of the first task.
+    /// A filter that believes the robot near the start of the first task. Options that are out of their ranges are not
+    /// refused here: with them it may be left without a belief, or panic.
     #[must_use]
     pub fn new(layout: Layout, options: FilterOptions) -> Self {
         Self::beginning(layout, options, Outset::Beginning)

@@ -313,7 +313,8 @@ impl Planner {
     }
 
     /// A filter that says where in the composition the robot is, at the beginning where the
-    /// [terms](Terms::start) say that it starts.
+    /// [terms](Terms::start) say that it starts. Options that are out of their ranges are not refused here: with
+    /// them it may be left without a belief, or panic.
     ///
     /// # Panics
     /// Never: the composition was laid out on this graph before.

@@ -52,7 +52,8 @@ pub enum RolloutError {
     /// An option that no run can be made with.
     #[error("{option} is {value}, but it must be {range}")]
     OptionOutOfRange {
-        /// Which of [`RolloutOptions`](super::RolloutOptions).
+        /// Which of [`RolloutOptions`](super::RolloutOptions), or of their
+        /// [filter](crate::planner::FilterOptions).
         option: &'static str,
         /// What it is.
         value: f64,

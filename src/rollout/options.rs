@@ -75,7 +75,7 @@ impl Default for RolloutOptions {
 }
 
 impl RolloutOptions {
-    /// Refuses what no run can be made with.
+    /// Refuses what no run can be made with, also of how the robot is followed.
     ///
     /// # Errors
     /// [`RolloutError::OptionOutOfRange`] for the first that is out of its range.
@@ -101,7 +101,11 @@ impl RolloutOptions {
             self.hypotheses as f64,
             self.hypotheses > 0,
             "1 or more",
-        )
+        )?;
+        let misfit = self.filter.out_of_range();
+        misfit.map_or(Ok(()), |(option, value, range)| {
+            within(option, value, false, range)
+        })
     }
 
     pub(super) fn stillness(&self) -> Stillness {
@@ -154,5 +158,62 @@ mod tests {
         );
         let error = refused(|o| o.hypotheses = 0);
         assert!(error.contains("hypotheses is 0"), "{error}");
+    }
+
+    #[test]
+    fn what_no_belief_can_be_kept_with_is_refused_too() {
+        let with = |change: fn(&mut FilterOptions)| {
+            let mut options = RolloutOptions::default();
+            change(&mut options.filter);
+            options.check()
+        };
+        let refused =
+            |change: fn(&mut FilterOptions)| with(change).expect_err("out of range").to_string();
+        for (error, said) in [
+            (refused(|f| f.hurry = -0.5), "hurry is -0.5"),
+            (refused(|f| f.stay = f64::INFINITY), "stay is inf"),
+            (refused(|f| f.jump = f64::NAN), "jump is NaN"),
+            (refused(|f| f.jump = 1.0), "jump + restart is 1.0001"),
+            (refused(|f| f.restart = 0.0), "restart is 0"),
+            (
+                refused(|f| f.evidence_weight = -1.0),
+                "evidence_weight is -1",
+            ),
+            (refused(|f| f.floor = 0.0), "floor is 0"),
+            (
+                refused(|f| f.classifier_weight = 11.0),
+                "classifier_weight is 11",
+            ),
+            (
+                refused(|f| f.classifier_floor = 0.0),
+                "classifier_floor is 0",
+            ),
+            (
+                refused(|f| f.grasp_weight = f64::NAN),
+                "grasp_weight is NaN",
+            ),
+            (refused(|f| f.advance_mass = 0.0), "advance_mass is 0"),
+            (refused(|f| f.regress_mass = 1.5), "regress_mass is 1.5"),
+            (
+                refused(|f| f.lost_probability = 2.0),
+                "lost_probability is 2",
+            ),
+        ] {
+            assert!(
+                error.starts_with(&format!("{said}, but it must be ")),
+                "{error}"
+            );
+        }
+        let error = refused(|f| (f.stay, f.advance, f.hurry) = (0.0, 0.0, 0.0));
+        assert_eq!(
+            error,
+            "stay + advance + hurry is 0, but it must be above 0, and finite"
+        );
+        // What forgets all at each step, and what asks for certainty.
+        assert_eq!(with(|f| (f.jump, f.restart) = (0.0, 1.0)), Ok(()));
+        assert_eq!(
+            with(|f| (f.advance_mass, f.regress_mass) = (1.0, 1.0)),
+            Ok(())
+        );
     }
 }

@@ -206,6 +206,26 @@ fn a_filter_that_forgets_everything_believes_what_it_sees() {
 }
 
 #[test]
+fn a_belief_is_left_also_where_options_are_at_the_ends_of_their_ranges() {
+    let (graph, planner, _) = set_up();
+    let options = FilterOptions {
+        restart: 1e-9,
+        evidence_weight: 10.0,
+        floor: 1e-9,
+        ..FilterOptions::default()
+    };
+    assert_eq!(options.out_of_range(), None);
+    let mut filter = planner.stage_filter(options);
+    let nothing = LiveDistances::unknown(graph.node_count(), graph.d_max());
+    for step in 0..8 {
+        let here = filter.update(&nothing);
+        let all: f64 = here.stage_probabilities.iter().sum();
+        assert!((all - 1.0).abs() < 1e-9, "{all} at {step}");
+        assert_eq!(here.is_lost, step >= 3, "at {step}");
+    }
+}
+
+#[test]
 fn same_frames_give_the_same_belief() {
     let (graph, _, filter) = set_up();
     let run = || {
