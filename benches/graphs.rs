@@ -62,7 +62,7 @@ fn merge_two(bencher: Bencher, name: &str, of: &(dyn Traversability + Sync), win
         ..MergeOptions::default()
     };
     let merged = |of: &(dyn Traversability + Sync)| {
-        merge(&[&first, &second], &[], of, &options, &|_| {}).expect("they belong together")
+        merge(&[&first, &second], None, of, &options, &|_| {}).expect("they belong together")
     };
     let pairs = merged(&Ready).report.pair_count;
     with_peak(

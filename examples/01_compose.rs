@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let follows: Vec<(&str, &str)> = composition.follows().into_iter().collect();
     let merged = merge(
         &graphs.iter().collect::<Vec<_>>(),
-        &follows,
+        Some(&follows),
         &model,
         &MergeOptions::default(),
         &|_| {},

@@ -79,7 +79,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let merged = merge(
         &graphs.iter().collect::<Vec<_>>(),
-        &[(TASKS[0], TASKS[1])],
+        Some(&[(TASKS[0], TASKS[1])]),
         &model,
         &options,
         &|_| {},

@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let merged = merge(
         &graphs.iter().collect::<Vec<_>>(),
-        &[("sock", "trash"), ("trash", "wine")],
+        Some(&[("sock", "trash"), ("trash", "wine")]),
         &model,
         &MergeOptions::default(),
         &|_| {},

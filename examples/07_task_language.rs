@@ -49,7 +49,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .collect::<Result<Vec<_>, Box<dyn Error>>>()?;
     let merged = merge(
         &graphs.iter().collect::<Vec<_>>(),
-        &composition.follows().into_iter().collect::<Vec<_>>(),
+        Some(&composition.follows().into_iter().collect::<Vec<_>>()),
         &model,
         &MergeOptions::default(),
         &|_| {},

@@ -33,7 +33,7 @@
 //! }
 //! let merged = merge(
 //!     &graphs.iter().collect::<Vec<_>>(),
-//!     &composition.follows().into_iter().collect::<Vec<_>>(),
+//!     Some(&composition.follows().into_iter().collect::<Vec<_>>()),
 //!     &model,
 //!     &MergeOptions::default(),
 //!     &|_| {},

@@ -234,7 +234,7 @@ fn merge_graphs(
     let graphs: Vec<&TopologicalGraph> = folders.graphs.iter().collect();
     let options = merge_options();
     let bar = progress::bar("merging", 0);
-    let merged = merge(&graphs, &[], &model, &options, &|p| show_progress(&bar, p))?;
+    let merged = merge(&graphs, None, &model, &options, &|p| show_progress(&bar, p))?;
     bar.finish_and_clear();
     let digests: Vec<&str> = folders
         .manifests

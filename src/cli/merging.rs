@@ -44,7 +44,7 @@ pub(super) fn merge_all(
         .into_iter()
         .filter(|(from, to)| known.contains(from) && known.contains(to))
         .collect();
-    let merged = merge(&graphs, &follows, model, &merge_options(), &|p| {
+    let merged = merge(&graphs, Some(&follows), model, &merge_options(), &|p| {
         show_progress(bar, p);
     })?;
     Ok((merged.graph, merged.report))

@@ -54,7 +54,7 @@ pub struct SeamReport {
 /// What merging found.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct MergeReport {
-    /// A report for each two tasks that follow each other in the order.
+    /// A report for each two tasks of which the second may follow the first.
     pub seams: Vec<SeamReport>,
     /// How many pairs were scored in all.
     pub pair_count: u64,
@@ -77,9 +77,9 @@ const NEAR_MISSES: usize = 10;
 /// predicts a way from a state of one task to a state of another (Fu & Finn, section IV,
 /// "Experience Chaining").
 ///
-/// `follows` says which task may come right after which, and so which seams there are. Empty means the
-/// order of `graphs`. A task may follow itself: the edges from its ends to its starts are cross-task
-/// edges too, since they lead from one time that it is done into the next.
+/// `follows` says which task may come right after which, and so which seams there are: no pair, no seam.
+/// `None` means the order of `graphs`. A task may follow itself: the edges from its ends to its starts are
+/// cross-task edges too, since they lead from one time that it is done into the next.
 ///
 /// # Errors
 /// [`GraphError::NothingToMerge`], [`GraphError::NoStates`], [`GraphError::TaskTwice`] and [`GraphError::UnknownTask`] for
@@ -88,7 +88,7 @@ const NEAR_MISSES: usize = 10;
 /// model gives no answer.
 pub fn merge(
     graphs: &[&TopologicalGraph],
-    follows: &[(&str, &str)],
+    follows: Option<&[(&str, &str)]>,
     traversability: &(dyn Traversability + Sync),
     options: &MergeOptions,
     progress: ProgressFn<'_>,
@@ -96,13 +96,12 @@ pub fn merge(
     check(graphs, follows, traversability)?;
     let mut graph = join(graphs);
     let tasks: Vec<String> = graph.tasks().into_iter().map(str::to_owned).collect();
-    let seams: BTreeSet<(usize, usize)> = if follows.is_empty() {
-        (1..tasks.len()).map(|next| (next - 1, next)).collect()
-    } else {
-        follows
+    let seams: BTreeSet<(usize, usize)> = match follows {
+        None => (1..tasks.len()).map(|next| (next - 1, next)).collect(),
+        Some(pairs) => pairs
             .iter()
             .map(|(from, to)| (task_index(&tasks, from), task_index(&tasks, to)))
-            .collect()
+            .collect(),
     };
     let work = Work {
         candidates: Candidates::new(&graph, &tasks, seams),
@@ -132,7 +131,7 @@ fn task_index(tasks: &[String], name: &str) -> usize {
 
 fn check(
     graphs: &[&TopologicalGraph],
-    follows: &[(&str, &str)],
+    follows: Option<&[(&str, &str)]>,
     traversability: &(dyn Traversability + Sync),
 ) -> Result<(), GraphError> {
     let first = graphs.first().ok_or(GraphError::NothingToMerge)?;
@@ -150,7 +149,8 @@ fn check(
             tasks.push(task);
         }
     }
-    let named = follows.iter().flat_map(|(from, to)| [from, to]);
+    let pairs = follows.unwrap_or_default().iter();
+    let named = pairs.flat_map(|(from, to)| [from, to]);
     match named.into_iter().find(|t| !tasks.contains(*t)) {
         Some(task) => Err(GraphError::UnknownTask {
             task: (*task).to_owned(),

@@ -388,6 +388,21 @@ fn a_plan_is_explained_in_words_and_as_json() {
 }
 
 #[test]
+fn a_choice_of_tasks_has_no_seam_between_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("one_of_two.yaml");
+    let yaml = "name: one_of_two\n\
+                model: graphs/bedroom/model\n\
+                environment: {bedroom: {start: sock}}\n\
+                do: {choice: [sock, trash]}\n";
+    fs::write(&file, yaml).expect("written");
+    let out = folder.path().join("out");
+    let words = succeeded(&["compose", path(&file), "--out", path(&out)]);
+    assert!(words.contains("audit of the plan"), "{words}");
+    assert!(!words.contains("seam "), "{words}");
+}
+
+#[test]
 fn gaps_name_every_seam_with_its_near_misses_and_the_demonstration_to_record() {
     let sequence = "tasks/sequences/tidy_room.yaml";
     let json = succeeded(&["graph", "gaps", sequence, "--json"]);

@@ -20,7 +20,7 @@ fn two_tasks() -> (TopologicalGraph, TopologicalGraph) {
 fn merge_with(options: &MergeOptions) -> Merged {
     let (a, b) = two_tasks();
     let oracle = Oracle::new(D_MAX, forward);
-    merge(&[&a, &b], &[], &oracle, options, &silent).expect("the graphs fit")
+    merge(&[&a, &b], None, &oracle, options, &silent).expect("the graphs fit")
 }
 
 #[test]
@@ -115,7 +115,8 @@ fn a_task_that_follows_itself_has_a_seam_also_where_all_pairs_are_scored() {
             seam_floor: 0,
             ..MergeOptions::default()
         };
-        merge(&[&twice, &b], &[("a", "a")], &oracle, &options, &silent).expect("the graphs fit")
+        let again = [("a", "a")];
+        merge(&[&twice, &b], Some(&again), &oracle, &options, &silent).expect("the graphs fit")
     };
     let all = merged(CrossTaskCandidates::All);
     let seams = merged(CrossTaskCandidates::Seam { window_steps: 10 });
@@ -131,6 +132,18 @@ fn a_task_that_follows_itself_has_a_seam_also_where_all_pairs_are_scored() {
 }
 
 #[test]
+fn tasks_none_of_which_follows_another_have_no_seam() {
+    let (a, b) = two_tasks();
+    let oracle = Oracle::new(D_MAX, forward);
+    let options = MergeOptions::default();
+    let merged = merge(&[&a, &b], Some(&[]), &oracle, &options, &silent).expect("the graphs fit");
+    assert_eq!(merged.report, MergeReport::default());
+    assert_eq!(merged.graph.tasks(), ["a", "b"]);
+    let kinds = merged.graph.edges().map(|(_, _, edge)| edge.kind);
+    assert_eq!(kinds.filter(|kind| *kind != EdgeKind::Temporal).count(), 0);
+}
+
+#[test]
 fn a_merged_graph_is_merged_with_another_as_its_parts_are() {
     let (a, b) = two_tasks();
     let mut c = TopologicalGraph::new(3, D_MAX);
@@ -139,7 +152,7 @@ fn a_merged_graph_is_merged_with_another_as_its_parts_are() {
     let oracle = Oracle::new(D_MAX, forward);
     let options = MergeOptions::default();
     let merged = |graphs: &[&TopologicalGraph]| {
-        let merged = merge(graphs, &[], &oracle, &options, &silent);
+        let merged = merge(graphs, None, &oracle, &options, &silent);
         merged.expect("the graphs fit").graph
     };
     let in_turn = merged(&[&merged(&[&a, &b]), &c]);
@@ -158,18 +171,18 @@ fn merging_what_does_not_belong_together_is_refused() {
     let (a, _) = two_tasks();
     let oracle = Oracle::new(D_MAX, forward);
     let options = MergeOptions::default();
-    let refused = |graphs: &[&TopologicalGraph], follows: &[(&str, &str)]| {
+    let refused = |graphs: &[&TopologicalGraph], follows: Option<&[(&str, &str)]>| {
         merge(graphs, follows, &oracle, &options, &silent).unwrap_err()
     };
-    assert_eq!(refused(&[], &[]), GraphError::NothingToMerge);
+    assert_eq!(refused(&[], None), GraphError::NothingToMerge);
     assert_eq!(
-        refused(&[&a, &a], &[]),
+        refused(&[&a, &a], None),
         GraphError::TaskTwice {
             task: "a".to_owned()
         }
     );
     assert!(matches!(
-        refused(&[&a], &[("a", "c")]),
+        refused(&[&a], Some(&[("a", "c")])),
         GraphError::UnknownTask { .. }
     ));
     let mut other = TopologicalGraph::new(4, D_MAX);
@@ -181,7 +194,7 @@ fn merging_what_does_not_belong_together_is_refused() {
         &[0],
     );
     assert!(matches!(
-        refused(&[&a, &other], &[]),
+        refused(&[&a, &other], None),
         GraphError::LatentLengthDiffers {
             expected: 3,
             found: 4,
@@ -192,11 +205,11 @@ fn merging_what_does_not_belong_together_is_refused() {
     let states = [vec![0.0; 3], vec![1.0; 3]];
     add_demonstration(&mut longer, &task("c", &["done"]), "c0", &states, &[1]);
     assert!(matches!(
-        refused(&[&longer], &[]),
+        refused(&[&longer], None),
         GraphError::DMaxDiffers { found: 7, .. }
     ));
     let empty = TopologicalGraph::new(3, D_MAX);
-    let error = refused(&[&a, &empty], &[]).to_string();
+    let error = refused(&[&a, &empty], None).to_string();
     assert!(
         error.contains("graph 2 of those to merge has no states"),
         "{error}"

@@ -51,9 +51,15 @@ pub(super) fn crowded(demonstrations_a_task: usize) -> TopologicalGraph {
         candidates: CrossTaskCandidates::Seam { window_steps: 2 },
         ..MergeOptions::default()
     };
-    merge(&[&graphs[0], &graphs[1]], &[], &oracle(), &options, &|_| ())
-        .expect("the graphs fit")
-        .graph
+    merge(
+        &[&graphs[0], &graphs[1]],
+        None,
+        &oracle(),
+        &options,
+        &|_| (),
+    )
+    .expect("the graphs fit")
+    .graph
 }
 
 /// Both tasks, with learned edges between demonstrations and across the seam.
@@ -67,9 +73,15 @@ pub(super) fn merged() -> TopologicalGraph {
         seam_floor: 0,
         ..MergeOptions::default()
     };
-    merge(&[&graphs[0], &graphs[1]], &[], &oracle(), &options, &|_| ())
-        .expect("the graphs fit")
-        .graph
+    merge(
+        &[&graphs[0], &graphs[1]],
+        None,
+        &oracle(),
+        &options,
+        &|_| (),
+    )
+    .expect("the graphs fit")
+    .graph
 }
 
 fn add_near_edges(graph: &mut TopologicalGraph) {
