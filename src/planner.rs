@@ -46,6 +46,7 @@ mod layout;
 mod live;
 mod localisation;
 mod motion;
+mod nearest_pair;
 mod no_path;
 mod options;
 mod order;

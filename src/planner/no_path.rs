@@ -2,6 +2,7 @@ use std::collections::HashSet;
 use std::fmt;
 
 use super::choice::open_final_places;
+use super::nearest_pair::nearest_pair;
 use super::roads::{Rejection, Roads, road};
 use super::source::{crossings, sources_avoiding};
 use super::{CostToGo, LiveDistances, Localisation, PlaceId, Planner, Start};
@@ -321,42 +322,27 @@ fn reason(rejection: Rejection) -> &'static str {
 
 /// The two states with the nearest latents between which a plan might go.
 fn nearest_latents(planner: &Planner, is_reached: &[bool]) -> Option<Gap> {
-    let places = || {
-        planner
-            .all_places()
-            .map(|id| (id, *planner.layout.place(id)))
-    };
-    let last_stage = places()
-        .filter(|(id, _)| is_reached[id.index()])
-        .map(|(_, p)| p.stage)
-        .max()?;
-    let near_side: Vec<_> = places()
-        .filter(|(id, p)| is_reached[id.index()] && p.stage == last_stage)
-        .collect();
-    let far_side = places().filter(|(id, _)| {
+    let stage_of = |id: PlaceId| planner.layout.place(id).stage;
+    let reached = planner.all_places().filter(|id| is_reached[id.index()]);
+    let reached: Vec<PlaceId> = reached.collect();
+    let last_stage = reached.iter().map(|id| stage_of(*id)).max()?;
+    let near = reached.into_iter().filter(|id| stage_of(*id) == last_stage);
+    let far = planner.all_places().filter(|id| {
         !is_reached[id.index()]
             && planner.costs.cost(*id).is_some()
             && planner.layout.may_enter(&planner.graph, last_stage, *id)
     });
-    let latents = planner.graph.latents();
-    let mut best: Option<(f32, NodeId, NodeId)> = None;
-    for (_, far) in far_side {
-        for (_, near) in &near_side {
-            let (a, b) = (
-                latents.row(near.node.index()),
-                latents.row(far.node.index()),
-            );
-            let square: f32 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
-            if best.is_none_or(|(d, _, _)| square < d) {
-                best = Some((square, near.node, far.node));
-            }
-        }
-    }
-    best.map(|(square, from, to)| Gap::Latents {
-        from,
-        to,
-        distance: square.sqrt(),
-    })
+    let (near, far) = (states_of(planner, near), states_of(planner, far));
+    let (from, to, distance) = nearest_pair(planner.graph.latents(), &near, &far)?;
+    Some(Gap::Latents { from, to, distance })
+}
+
+/// The states of some places, each once, ascending.
+fn states_of(planner: &Planner, places: impl Iterator<Item = PlaceId>) -> Vec<NodeId> {
+    let mut states: Vec<NodeId> = places.map(|id| planner.layout.place(id).node).collect();
+    states.sort_unstable();
+    states.dedup();
+    states
 }
 
 fn advice(planner: &Planner, gap: Option<&Gap>) -> String {
