@@ -148,14 +148,30 @@ impl ActionDimension {
 
     fn cut_by_quantiles(&mut self, sorted: &[f32]) {
         let mut edges = vec![self.low];
+        // Whether the newest bin begins with a value that is frequent enough to take it for itself.
+        let mut is_full = false;
         for i in 1..self.bins {
             let Some(cut) = sorted.get(i * sorted.len() / self.bins) else {
                 break;
             };
+            let newest = edges[edges.len() - 1];
             // Many equal values would give bins that nothing can fall into.
-            if *cut > edges[edges.len() - 1] && *cut <= self.high {
-                edges.push(*cut);
+            if *cut <= newest {
+                is_full = true;
+                continue;
             }
+            if *cut > self.high {
+                break;
+            }
+            if is_full {
+                edges.extend(next_above(sorted, newest).filter(|next| next < cut));
+                is_full = false;
+            }
+            edges.push(*cut);
+        }
+        if is_full {
+            let next = next_above(sorted, edges[edges.len() - 1]);
+            edges.extend(next.filter(|next| *next <= self.high));
         }
         self.bins = edges.len();
         edges.push(self.high);
@@ -213,6 +229,12 @@ impl ActionDimension {
             }
         }
     }
+}
+
+/// The least of sorted values that is greater than this one.
+fn next_above(sorted: &[f32], value: f32) -> Option<f32> {
+    let above = sorted.partition_point(|v| *v <= value);
+    sorted.get(above).copied()
 }
 
 /// The most probable class; the lowest index wins a tie.
@@ -400,6 +422,27 @@ mod tests {
         assert_eq!((still.bins, still.centre(0)), (1, 0.5));
         let none = space(&[], quantiles(5));
         assert_eq!((none.bins, none.centre(0)), (1, 0.0));
+    }
+
+    #[test]
+    fn a_frequent_value_takes_one_bin_and_not_what_lies_beside_it() {
+        // A turn that is seldom made, to either side.
+        let mut values = vec![-0.2; 3];
+        values.extend([0.0; 94]);
+        values.extend([0.1, 0.2, 0.3]);
+        let yaw = space(&values, quantiles(21));
+        assert_eq!(yaw.bins, 3, "{yaw:?}");
+        assert_eq!([0, 1, 2].map(|bin| yaw.centre(bin)), [-0.2, 0.0, 0.2]);
+        let mut values = vec![0.0; 9];
+        values.push(1.0);
+        let gripper = space(&values, quantiles(5));
+        assert_eq!(gripper.bins, 2, "{gripper:?}");
+        assert_eq!((gripper.centre(0), gripper.centre(1)), (0.0, 1.0));
+        let mut values = vec![0.0; 6];
+        values.extend([0.1, 0.2, 0.3, 0.4]);
+        let x = space(&values, quantiles(4));
+        assert_eq!(x.bins, 3, "{x:?}");
+        assert_eq!((x.bin(0.0), x.bin(0.1), x.bin(0.4)), (0, 1, 2));
     }
 
     #[test]
