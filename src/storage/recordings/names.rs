@@ -1,6 +1,6 @@
 //! What tasks and demonstrations are called.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// The words of a text in small letters: texts with the same ones tell the same task.
@@ -33,8 +33,12 @@ pub(super) fn unique_ids(places: &[&Path]) -> Vec<String> {
     let with_folder = |p: &Path| Some(Path::new(p.parent()?.file_name()?).join(stem(p)?));
     let candidates = |p: &Path| [stem(p), with_folder(p), Some(p.with_extension(""))];
     let mut uses: BTreeMap<PathBuf, usize> = BTreeMap::new();
-    for candidate in places.iter().flat_map(|p| candidates(p)).flatten() {
-        *uses.entry(candidate).or_default() += 1;
+    for place in places {
+        // Of a short path some are the same, which is one use of it.
+        let own: BTreeSet<PathBuf> = candidates(place).into_iter().flatten().collect();
+        for candidate in own {
+            *uses.entry(candidate).or_default() += 1;
+        }
     }
     places
         .iter()
@@ -45,4 +49,23 @@ pub(super) fn unique_ids(places: &[&Path]) -> Vec<String> {
                 .into_owned()
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ids_are_stems_however_short_the_paths_are() {
+        let ids = |places: &[&str]| -> Vec<String> {
+            let places: Vec<&Path> = places.iter().map(Path::new).collect();
+            unique_ids(&places)
+        };
+        assert_eq!(ids(&["x.mcap", "y.mcap"]), ["x", "y"]);
+        for above in ["", "demos/", "/demos/"] {
+            let places = ["a/x", "b/x", "b/y"].map(|place| format!("{above}{place}.mcap"));
+            let places = places.each_ref().map(String::as_str);
+            assert_eq!(ids(&places), ["a/x", "b/x", "y"], "{above}");
+        }
+    }
 }
