@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use arrow::array::{Array, ArrayRef, Float64Array, Int64Array, LargeStringArray, ListArray};
+use arrow::array::{Array, ArrayRef, AsArray, Float64Array, Int64Array, LargeStringArray};
 use arrow::compute::cast;
 use arrow::datatypes::DataType;
 use serde::Deserialize;
@@ -233,9 +233,13 @@ impl Columns<'_> {
                 format!("row {row}, column 'tasks': no list of texts"),
             )
         };
-        let list = match array.as_any().downcast_ref::<ListArray>() {
-            Some(list) => list.value(row),
-            None => array.slice(row, 1),
+        // A list with large offsets, too, which as a text would be one in brackets.
+        let list = if let Some(list) = array.as_list_opt::<i32>() {
+            list.value(row)
+        } else if let Some(list) = array.as_list_opt::<i64>() {
+            list.value(row)
+        } else {
+            array.slice(row, 1)
         };
         let texts = cast(&list, &DataType::LargeUtf8).map_err(|_| wrong())?;
         let texts = texts

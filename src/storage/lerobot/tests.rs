@@ -4,7 +4,9 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use arrow::array::{Array, AsArray, BinaryArray, StringArray, StructArray};
+use arrow::array::{Array, ArrayRef, AsArray, BinaryArray, StringArray, StructArray};
+use arrow::compute::cast;
+use arrow::datatypes::{DataType, Field};
 use arrow::record_batch::RecordBatch;
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
@@ -406,7 +408,7 @@ fn missing_frames_leave_an_episode_out() {
     assert!(recording.report.left_out.is_some());
 }
 
-/// Writes a table of frames anew.
+/// Writes a table anew.
 fn rewrite(table: &Path, change: impl FnOnce(&RecordBatch) -> RecordBatch) {
     let file = fs::File::open(table).unwrap();
     let rows = ParquetRecordBatchReaderBuilder::try_new(file).unwrap();
@@ -416,6 +418,38 @@ fn rewrite(table: &Path, change: impl FnOnce(&RecordBatch) -> RecordBatch) {
     let mut writer = ArrowWriter::try_new(out, changed.schema(), None).unwrap();
     writer.write(&changed).unwrap();
     writer.close().unwrap();
+}
+
+/// Polars writes lists so.
+#[test]
+fn tasks_in_lists_of_large_offsets_are_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = folder.path().join("dataset");
+    convert_to_lerobot(&open(&bridge()), &dataset, PictureFormat::Png).unwrap();
+    fs::remove_file(dataset.join("meta/catena.json")).unwrap();
+    let tasks = || -> Vec<String> {
+        let recordings = all(&dataset).into_iter();
+        recordings.map(|r| r.trajectory.task).collect()
+    };
+    let before = tasks();
+    let table = dataset.join("meta/episodes/chunk-000/file-000.parquet");
+    rewrite(&table, |batch| {
+        let item = Arc::new(Field::new_list_field(DataType::LargeUtf8, true));
+        let large = DataType::LargeList(item);
+        let schema = batch.schema();
+        let names = schema.fields().iter().map(|field| field.name().clone());
+        let columns = names.zip(batch.columns()).map(|(name, column)| {
+            let column = if name == "tasks" {
+                cast(column, &large).unwrap()
+            } else {
+                Arc::clone(column)
+            };
+            (name, column)
+        });
+        let columns: Vec<(String, ArrayRef)> = columns.collect();
+        RecordBatch::try_from_iter(columns).unwrap()
+    });
+    assert_eq!(tasks(), before);
 }
 
 /// Gives the rows of a table of frames other images, or none.
