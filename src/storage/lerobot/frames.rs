@@ -61,15 +61,20 @@ impl Table {
 
     /// Refuses a footer that claims what the file cannot hold.
     fn check_sizes(&self, length: u64) -> Result<(), StorageError> {
-        let rows = self.metadata.metadata().file_metadata().num_rows();
-        if !(0..=MAX_ROWS).contains(&rows) {
+        let metadata = self.metadata.metadata();
+        let said = metadata.file_metadata().num_rows();
+        // The rows of the groups are what is read, whatever the sum of them is said to be.
+        let groups = metadata.row_groups().iter().map(|g| g.num_rows().max(0));
+        let summed = groups.fold(0, i64::saturating_add);
+        let is_too_many = |rows: &i64| !(0..=MAX_ROWS).contains(rows);
+        if let Some(rows) = [said, summed].into_iter().find(is_too_many) {
             let reason = format!(
                 "its footer is damaged: it claims {rows} rows. Fetch or write the file again, or split a table of more \
                  than {MAX_ROWS} rows"
             );
             return Err(fault(&self.path, reason));
         }
-        for (number, group) in self.metadata.metadata().row_groups().iter().enumerate() {
+        for (number, group) in metadata.row_groups().iter().enumerate() {
             let stored: i64 = group
                 .columns()
                 .iter()
@@ -299,4 +304,39 @@ fn binary(array: &ArrayRef) -> Option<Vec<Option<Vec<u8>>>> {
     }
     let bytes = any.downcast_ref::<LargeBinaryArray>()?;
     Some(bytes.iter().map(owned).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::sync::Arc;
+
+    use parquet::arrow::ArrowWriter;
+    use parquet::file::metadata::ParquetMetaData;
+
+    use super::*;
+
+    #[test]
+    fn groups_that_claim_more_rows_than_a_table_may_have_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("frames.parquet");
+        let episodes: ArrayRef = Arc::new(Int64Array::from(vec![0; 3]));
+        let batch = RecordBatch::try_from_iter([("episode_index", episodes)]).unwrap();
+        let file = File::create(&path).unwrap();
+        let mut writer = ArrowWriter::try_new(file, batch.schema(), None).unwrap();
+        writer.write(&batch).unwrap();
+        writer.close().unwrap();
+        let bytes = fs::metadata(&path).unwrap().len();
+        let mut table = Table::open(&path).unwrap();
+        table.check_sizes(bytes).unwrap();
+        // The footer still says that there are three.
+        let sound = table.metadata.metadata();
+        let group = sound.row_group(0).clone().into_builder();
+        let group = group.set_num_rows(MAX_ROWS + 1).build().unwrap();
+        let lying = ParquetMetaData::new(sound.file_metadata().clone(), vec![group]);
+        let options = ArrowReaderOptions::default();
+        table.metadata = ArrowReaderMetadata::try_new(Arc::new(lying), options).unwrap();
+        let told = table.check_sizes(bytes).unwrap_err().to_string();
+        assert!(told.contains("it claims 16777217 rows"), "{told}");
+    }
 }
