@@ -15,7 +15,7 @@ use crate::wording;
 /// Metadata beyond this is no metadata; that of 100,000 episodes has a tenth of it.
 pub(super) const MAX_META_BYTES: u64 = 256 << 20;
 /// No robot records faster.
-const MAX_FPS: f64 = 10_000.0;
+pub(super) const MAX_FPS: f64 = 10_000.0;
 
 /// Which layout the files have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -147,6 +147,22 @@ fn real_episodes_go_there_and_back_without_a_loss() {
     }
 }
 
+/// As those of a recorder that counts its log times in microseconds.
+#[test]
+fn steps_that_follow_faster_than_any_robot_go_there_and_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let (demos, dataset) = (folder.path().join("demos"), folder.path().join("dataset"));
+    let mut fast = trajectory(9);
+    for step in &mut fast.steps {
+        step.time_secs *= 1e-3 / 6.0;
+    }
+    let metadata = RecordingMetadata::default();
+    write_trajectory(&demos.join("a.mcap"), &fast, &metadata).unwrap();
+    let conversion = convert_to_lerobot(&open(&demos), &dataset, PictureFormat::Png).unwrap();
+    assert_eq!(conversion.fps, Some(10_000));
+    assert_same(&all(&demos), &all(&dataset));
+}
+
 #[test]
 fn jpeg_is_smaller_and_said_to_lose_pixels() {
     let folder = tempfile::tempdir().unwrap();

@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 
 use self::columns::{IMAGES, action_column, fields, image_key, picture_column, row, width};
 use self::tables::{make_parent, properties, write_json};
-use super::info::ACTION;
+use super::info::{ACTION, MAX_FPS};
 use super::restored::{FILE, Restored, RestoredEpisode};
 use super::statistics::Statistics;
 use super::{INFO, StorageError, fault};
@@ -321,14 +321,14 @@ impl PictureFormat {
     }
 }
 
-/// Steps a second: the inverse of the median time between two, to the next whole number.
+/// Steps a second: the inverse of the median time between two, to the next whole number that a dataset may have.
 fn rate(trajectory: &Trajectory) -> u32 {
     const DEFAULT: u32 = 5;
     let times: Vec<f64> = trajectory.steps.iter().map(|s| s.time_secs).collect();
     let mut gaps: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).collect();
     gaps.sort_by(f64::total_cmp);
     match gaps.get(gaps.len() / 2) {
-        Some(gap) if *gap > 0.0 => ((1.0 / gap).round() as u32).max(1),
+        Some(gap) if *gap > 0.0 => (1.0 / gap).round().clamp(1.0, MAX_FPS) as u32,
         _ => DEFAULT,
     }
 }
