@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use arrow::array::{Array, ArrayRef, AsArray, BinaryArray, StringArray, StructArray};
 use arrow::compute::cast;
-use arrow::datatypes::{DataType, Field};
+use arrow::datatypes::{DataType, Field, Int64Type};
 use arrow::record_batch::RecordBatch;
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
@@ -145,6 +145,32 @@ fn real_episodes_go_there_and_back_without_a_loss() {
                 .all(|(a, b)| { a.action == b.action && a.observation == b.observation })
         );
     }
+}
+
+#[test]
+fn episodes_of_more_steps_than_are_written_at_once_are_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let (demos, dataset) = (folder.path().join("demos"), folder.path().join("dataset"));
+    let metadata = RecordingMetadata::default();
+    for (name, steps) in [("a.mcap", 70), ("b.mcap", 33)] {
+        write_trajectory(&demos.join(name), &trajectory(steps), &metadata).unwrap();
+    }
+    convert_to_lerobot(&open(&demos), &dataset, PictureFormat::Png).unwrap();
+    assert_same(&all(&demos), &all(&dataset));
+    let file = fs::File::open(dataset.join("data/chunk-000/file-000.parquet")).unwrap();
+    let rows = ParquetRecordBatchReaderBuilder::try_new(file).unwrap();
+    let numbers = |name: &str, batch: &RecordBatch| {
+        let column = batch.column_by_name(name).unwrap();
+        column.as_primitive::<Int64Type>().values().to_vec()
+    };
+    let (mut frames, mut indices) = (Vec::new(), Vec::new());
+    for batch in rows.build().unwrap() {
+        let batch = batch.unwrap();
+        frames.extend(numbers("frame_index", &batch));
+        indices.extend(numbers("index", &batch));
+    }
+    assert!(frames.into_iter().eq((0..70).chain(0..33)));
+    assert!(indices.into_iter().eq(0..103));
 }
 
 /// As those of a recorder that counts its log times in microseconds.

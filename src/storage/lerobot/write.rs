@@ -24,7 +24,7 @@ use super::statistics::Statistics;
 use super::{INFO, StorageError, fault};
 use crate::storage::RecordingReport;
 use crate::storage::pixels::{encode_jpeg, encode_png};
-use crate::trajectory::{ActionSpace, CameraSpec, Image, Trajectory};
+use crate::trajectory::{ActionSpace, CameraSpec, Image, Step, Trajectory};
 
 /// How images are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -40,6 +40,8 @@ const JPEG_QUALITY: u8 = 92;
 /// A table is ended when it is larger, as the package lerobot does.
 const FILE_BYTES: u64 = 100 << 20;
 const CHUNK_FILES: u64 = 1000;
+/// Steps that are written at once. An array of pictures holds less than 2 GiB, which some thousands of them exceed.
+const BATCH_STEPS: usize = 32;
 /// Regular times may be off by so much.
 const TIME_TOLERANCE_SECS: f64 = 1e-4;
 
@@ -138,25 +140,23 @@ impl DatasetWriter {
         id: &str,
     ) -> Result<(), StorageError> {
         let task = self.task(&trajectory.task);
-        let columns = self.columns(trajectory, task)?;
         let path = self.data_path();
         let wrong = |e: &dyn std::fmt::Display| fault(&path, format!("cannot be written: {e}"));
-        let batch =
-            RecordBatch::try_new(Arc::clone(&self.schema), columns).map_err(|e| wrong(&e))?;
-        if self.table.is_none() {
-            make_parent(&path)?;
-            let file = File::create(&path).map_err(StorageError::io("create", &path))?;
-            let writer =
-                ArrowWriter::try_new(file, Arc::clone(&self.schema), Some(properties(None)));
-            self.table = Some(writer.map_err(|e| wrong(&e))?);
+        for (number, steps) in trajectory.steps.chunks(BATCH_STEPS).enumerate() {
+            let columns = self.columns(steps, number * BATCH_STEPS, task)?;
+            let batch =
+                RecordBatch::try_new(Arc::clone(&self.schema), columns).map_err(|e| wrong(&e))?;
+            let table = self.open_table(&path)?;
+            table.write(&batch).map_err(|e| wrong(&e))?;
+            // What is not flushed is in memory.
+            if table.in_progress_size() as u64 >= FILE_BYTES {
+                table.flush().map_err(|e| wrong(&e))?;
+            }
         }
         let mut bytes = 0;
         if let Some(table) = &mut self.table {
-            // An episode is a row group, so that one can be read without the others.
-            table
-                .write(&batch)
-                .and_then(|()| table.flush())
-                .map_err(|e| wrong(&e))?;
+            // An episode is a row group, or several, so that one can be read without the others.
+            table.flush().map_err(|e| wrong(&e))?;
             bytes = table.bytes_written() as u64;
         }
         let index = self.episodes.len() as u64;
@@ -181,6 +181,19 @@ impl DatasetWriter {
         let (chunk, file) = (self.file / CHUNK_FILES, self.file % CHUNK_FILES);
         self.folder
             .join(format!("data/chunk-{chunk:03}/file-{file:03}.parquet"))
+    }
+
+    /// The table that is written to; a new one at this path where the last was ended.
+    fn open_table(&mut self, path: &Path) -> Result<&mut ArrowWriter<File>, StorageError> {
+        let table = if let Some(table) = self.table.take() {
+            table
+        } else {
+            make_parent(path)?;
+            let file = File::create(path).map_err(StorageError::io("create", path))?;
+            ArrowWriter::try_new(file, Arc::clone(&self.schema), Some(properties(None)))
+                .map_err(|e| fault(path, format!("cannot be written: {e}")))?
+        };
+        Ok(self.table.insert(table))
     }
 
     fn end_table(&mut self) -> Result<(), StorageError> {
@@ -222,17 +235,17 @@ impl DatasetWriter {
         }
     }
 
-    /// The columns of an episode, in the order of the schema.
+    /// The columns of some steps of an episode, the first of which is step `first`, in the order of the schema.
     fn columns(
         &mut self,
-        trajectory: &Trajectory,
+        steps: &[Step],
+        first: usize,
         task: usize,
     ) -> Result<Vec<ArrayRef>, StorageError> {
         let path = self.data_path();
         let mut columns = Vec::new();
         for camera in &self.cameras {
-            let images: Vec<&Image> = trajectory
-                .steps
+            let images: Vec<&Image> = steps
                 .iter()
                 .filter_map(|s| s.observation.image(&camera.name).ok())
                 .collect();
@@ -243,29 +256,30 @@ impl DatasetWriter {
             }
             let files = self.pictures.encoded(&images);
             let files = files.map_err(|e| fault(&path, format!("column '{key}': {e}")))?;
-            columns.push(picture_column(&files, self.pictures.ending()));
+            columns.push(picture_column(&files, first, self.pictures.ending()));
         }
         let width = width(&self.space);
-        let mut values = Vec::with_capacity(width * trajectory.steps.len());
-        for step in &trajectory.steps {
+        let mut values = Vec::with_capacity(width * steps.len());
+        for step in steps {
             let row = row(&step.action, width);
             self.note(ACTION, &row);
             values.extend(row.iter().map(|v| *v as f32));
         }
         columns.push(action_column(width, values).map_err(|e| fault(&path, e))?);
-        let count = trajectory.steps.len() as i64;
+        let numbers = first as i64..(first + steps.len()) as i64;
         let episode = self.episodes.len() as i64;
-        let first = self.frames as i64;
-        let secs: Vec<f32> = (0..count).map(|i| i as f32 / self.fps as f32).collect();
+        let before = self.frames as i64;
+        let fps = self.fps as f32;
+        let secs: Vec<f32> = numbers.clone().map(|i| i as f32 / fps).collect();
         for value in &secs {
             self.note("timestamp", &[f64::from(*value)]);
         }
         columns.push(Arc::new(Float32Array::from(secs)));
         for (name, value) in [
-            ("frame_index", (0..count).collect::<Vec<i64>>()),
-            ("episode_index", vec![episode; count as usize]),
-            ("index", (first..first + count).collect()),
-            ("task_index", vec![task as i64; count as usize]),
+            ("frame_index", numbers.clone().collect::<Vec<i64>>()),
+            ("episode_index", vec![episode; steps.len()]),
+            ("index", numbers.map(|i| before + i).collect()),
+            ("task_index", vec![task as i64; steps.len()]),
         ] {
             for value in &value {
                 self.note(name, &[*value as f64]);

@@ -62,9 +62,11 @@ fn picture_fields() -> Fields {
     ])
 }
 
-pub(super) fn picture_column(files: &[Vec<u8>], ending: &str) -> ArrayRef {
+/// The files of pictures, the first of which is of step `first`.
+pub(super) fn picture_column(files: &[Vec<u8>], first: usize, ending: &str) -> ArrayRef {
     let bytes = BinaryArray::from_iter_values(files);
-    let paths = (0..files.len()).map(|i| format!("frame-{i:06}.{ending}"));
+    let numbers = first..first + files.len();
+    let paths = numbers.map(|i| format!("frame-{i:06}.{ending}"));
     let paths = StringArray::from_iter_values(paths);
     Arc::new(StructArray::new(
         picture_fields(),
