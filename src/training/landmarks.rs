@@ -21,7 +21,7 @@ use super::config::demand;
 use super::network::PLACE_GAIN;
 use super::patches::PatchGrid;
 use super::{Dataset, EncoderConfig, ImitationConfig, StateRef, TrainingConfig, TrainingError};
-use crate::model::{HIDDEN_M, LANDMARK_VALUES, median};
+use crate::model::{HIDDEN_M, LANDMARK_VALUES, LandmarkBook, median};
 use crate::task::{GripperEvent, GripperSignal};
 use crate::trajectory::{ActionSpace, Posture, RobotGeometry};
 
@@ -181,11 +181,33 @@ impl Landmarks {
         trajectories: &[u32],
         config: &TrainingConfig,
     ) -> Option<Self> {
+        let numbers = numbers(data, &config.imitation);
+        let number = |trajectory| numbers[data.set_of(trajectory)];
+        Self::numbered(data, trajectories, config, number)
+    }
+
+    /// Those of all demonstrations that a book knows, under the numbers that it has for them, in whatever order their sets
+    /// are given.
+    fn of_book(data: &Dataset, config: &TrainingConfig, book: &LandmarkBook) -> Option<Self> {
+        let all: Vec<u32> = (0..data.trajectory_count() as u32).collect();
+        Self::numbered(data, &all, config, |trajectory| {
+            let task = &data.tasks()[data.set_of(trajectory)];
+            let known = book.events_of(task, data.id_of(trajectory));
+            (known.first()).map_or((0, 0), |(_, number)| (*number, known.len()))
+        })
+    }
+
+    /// Those of some demonstrations; `number` tells the first landmark of each, and how many it has.
+    fn numbered(
+        data: &Dataset,
+        trajectories: &[u32],
+        config: &TrainingConfig,
+        number: impl Fn(u32) -> (usize, usize),
+    ) -> Option<Self> {
         let count = landmark_count(config);
         let landmarks = config.landmarks.as_ref().filter(|_| count > 0)?;
-        let numbers = numbers(data, &config.imitation);
         let find = |trajectory: u32| {
-            let (first, most) = numbers[data.set_of(trajectory)];
+            let (first, most) = number(trajectory);
             let mut events = data.lasting_events(trajectory, &config.imitation);
             events.truncate(most);
             sightings(data, trajectory, &events, first, landmarks)

@@ -22,10 +22,10 @@ pub fn learn_offsets<E>(
     config: &TrainingConfig,
     encode: impl FnOnce(&[State]) -> Result<Latents, E>,
 ) -> Result<(), E> {
-    let all: Vec<u32> = (0..data.trajectory_count() as u32).collect();
-    let Some(landmarks) = Landmarks::of_training(data, &all, config) else {
+    let Some(landmarks) = Landmarks::of_book(data, config, book) else {
         return Ok(());
     };
+    let all: Vec<u32> = (0..data.trajectory_count() as u32).collect();
     let shown: Vec<StateRef> = (data.states_of(&all))
         .filter(|at| landmarks.openings(book, *at).next().is_some())
         .collect();

@@ -233,6 +233,54 @@ fn it_is_learnt_how_far_off_places_to_open_at_are_seen() {
 }
 
 #[test]
+fn offsets_are_learnt_alike_in_whatever_order_the_tasks_are_given() {
+    let config = config();
+    let set = |task: &str, actions: &[usize; 9]| {
+        let shown = synthetic::acting(&NAMES, actions).trajectories()[0].clone();
+        let one = |number: usize| Trajectory {
+            id: number.to_string(),
+            ..shown.clone()
+        };
+        DemonstrationSet::new(task, (0..20).map(one).collect()).unwrap()
+    };
+    let closing = set("closing", &[0, 0, 1, 2, 1, 1, 1, 1, 1]);
+    let opening = set("opening", &[0, 1, 1, 2, 1, 1, 3, 0, 0]);
+    let trained_on = Dataset::new(&[closing.clone(), opening.clone()]).unwrap();
+    let grids = grids(&trained_on, &config);
+    let book = Landmarks::book(&trained_on, &config, &grids, &[1.0; 4]).unwrap();
+    let closes: Vec<bool> = book.landmarks.iter().map(|l| l.closes).collect();
+    assert_eq!(closes, [true, true, false]);
+    let dim = spec_of(&trained_on, &config).latent_dim;
+    // Every camera surely sees the third landmark in the middle of its picture.
+    let encode = |states: &[State]| {
+        let mut row = vec![0.0; dim];
+        for view in &book.views {
+            row[view.first + 2 * LANDMARK_VALUES + 2] = 1.0;
+        }
+        let mut latents = Latents::new(dim);
+        for _ in states {
+            latents.push(&row);
+        }
+        Ok::<_, ModelError>(latents)
+    };
+    let learnt = |sets: &[DemonstrationSet]| {
+        let data = Dataset::new(sets).unwrap();
+        let mut learnt = book.clone();
+        learn_offsets(&mut learnt, &data, &config, encode).unwrap();
+        learnt
+    };
+    let as_trained = learnt(&[closing.clone(), opening.clone()]);
+    assert!(!as_trained.landmarks[2].offsets_pixels.is_empty());
+    assert_eq!(learnt(&[opening.clone(), closing]), as_trained);
+    let other = set("other", &[0, 1, 2, 3, 2, 3, 2, 3, 2]);
+    assert_eq!(
+        learnt(&[other, opening]),
+        as_trained,
+        "it is not in the book"
+    );
+}
+
+#[test]
 fn a_book_says_how_demonstrations_come_to_a_place() {
     let data = dataset(&[[0, 1, 1, 2, 1, 3, 0, 0, 0]]);
     let config = config();
