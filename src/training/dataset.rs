@@ -265,9 +265,14 @@ impl Dataset {
             validation.extend(members.iter().take(wanted.min(members.len() - 1)));
         }
         if validation.is_empty() {
-            let mut all: Vec<u32> = (0..self.trajectories.len() as u32).collect();
-            all.shuffle(&mut rng);
-            validation.extend(all.first());
+            let all = 0..self.trajectories.len() as u32;
+            let is_one_of_several = |t: &u32| self.members(self.set_of(*t)).len() > 1;
+            let mut some: Vec<u32> = all.clone().filter(is_one_of_several).collect();
+            if some.is_empty() {
+                some = all.collect();
+            }
+            some.shuffle(&mut rng);
+            validation.extend(some.first());
         }
         validation.sort_unstable();
         let training = (0..self.trajectories.len() as u32)
@@ -449,6 +454,21 @@ mod tests {
         assert_eq!(split.validation.len(), 2);
         assert!(split.validation[0] < 10 && split.validation[1] >= 10);
         assert_eq!(split.training.len(), 18);
+    }
+
+    #[test]
+    fn a_set_of_one_is_trained_on_unless_all_are() {
+        let of = |counts: [usize; 2]| {
+            let sets = counts.map(|count| synthetic::demonstrations("a", count, 8, 3));
+            Dataset::new(&sets).unwrap()
+        };
+        for seed in 0..20 {
+            let split = of([1, 2]).split(0.1, seed);
+            assert!(split.training.contains(&0), "{split:?}");
+            assert_eq!((split.training.len(), split.validation.len()), (2, 1));
+        }
+        let split = of([1, 1]).split(0.1, 5);
+        assert_eq!((split.training.len(), split.validation.len()), (1, 1));
     }
 
     #[test]
