@@ -73,11 +73,13 @@ fn motion(graph: &mut OnnxGraph, head: &MotionHead, latent: &str) -> String {
 
 /// An input for each camera, and its values normalised.
 fn normalised_inputs(graph: &mut OnnxGraph, pictures: &Pictures) -> Vec<String> {
+    let cameras = pictures.names.iter().zip(&pictures.grids);
+    let inputs: Vec<String> = cameras
+        .map(|(name, grid)| graph.input(name, &[3 * grid.stack, grid.height, grid.width]))
+        .collect();
     let mut normalised = Vec::new();
-    for (camera, grid) in pictures.grids.iter().enumerate() {
-        let channels = 3 * grid.stack;
-        let dims = [channels, grid.height, grid.width];
-        let input = graph.input(&pictures.names[camera], &dims);
+    for (camera, input) in inputs.iter().enumerate() {
+        let channels = 3 * pictures.grids[camera].stack;
         let normalisation = &pictures.normalisation[camera];
         let of_channels = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
             (0..channels).map(|c| value(c % 3)).collect()
@@ -85,7 +87,7 @@ fn normalised_inputs(graph: &mut OnnxGraph, pictures: &Pictures) -> Vec<String> 
         let shape = [1, channels, 1, 1];
         let mean = graph.constant(&shape, &of_channels(&|c| normalisation.mean[c]));
         let deviation = graph.constant(&shape, &of_channels(&|c| normalisation.deviation[c]));
-        let centred = graph.node("Sub", &[&input, &mean], &[]);
+        let centred = graph.node("Sub", &[input, &mean], &[]);
         normalised.push(graph.node("Div", &[&centred, &deviation], &[]));
     }
     normalised

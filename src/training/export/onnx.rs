@@ -63,13 +63,18 @@ pub struct OnnxGraph {
     weights: Vec<Message>,
     inputs: Vec<Message>,
     outputs: Vec<Message>,
+    /// Names of inputs, which no value and no weight takes.
+    taken: Vec<String>,
     values: usize,
+    stored: usize,
 }
 
 impl OnnxGraph {
-    /// Declares an input `[n, dims...]` and returns its name.
+    /// Declares an input `[n, dims...]` and returns its name. All inputs come before the first value and the first weight,
+    /// which are named so that none has the name of an input, such as that of a camera.
     pub fn input(&mut self, name: &str, dims: &[usize]) -> String {
         self.inputs.push(declaration(name, dims));
+        self.taken.push(name.to_owned());
         name.to_owned()
     }
 
@@ -105,7 +110,7 @@ impl OnnxGraph {
     }
 
     fn stored(&mut self, dims: &[usize], kind: i64, raw: &[u8]) -> String {
-        let name = format!("w{}", self.weights.len());
+        let name = next_name('w', &mut self.stored, &self.taken);
         let tensor = dims
             .iter()
             .fold(Message::default(), |m, dim| m.int(1, *dim as i64))
@@ -123,8 +128,7 @@ impl OnnxGraph {
         inputs: &[&str],
         attributes: &[Attribute<'_>],
     ) -> String {
-        let result = format!("v{}", self.values);
-        self.values += 1;
+        let result = next_name('v', &mut self.values, &self.taken);
         self.push_node(operator, inputs, &result, attributes);
         result
     }
@@ -176,6 +180,17 @@ impl OnnxGraph {
     }
 }
 
+/// The next of the names that a letter begins, but for those that are taken.
+fn next_name(letter: char, count: &mut usize, taken: &[String]) -> String {
+    loop {
+        let name = format!("{letter}{count}");
+        *count += 1;
+        if !taken.contains(&name) {
+            return name;
+        }
+    }
+}
+
 /// A `ValueInfoProto`: a float tensor whose first dimension is named `n`.
 fn declaration(name: &str, dims: &[usize]) -> Message {
     let batch = Message::default().text(2, "n");
@@ -199,6 +214,18 @@ mod tests {
         let message = Message::default().int(1, 300).text(2, "ab");
         assert_eq!(message.0, [0x08, 0xac, 0x02, 0x12, 0x02, b'a', b'b']);
         assert_eq!(Message::default().int(16, 1).0, [0x80, 0x01, 0x01]);
+    }
+
+    #[test]
+    fn no_value_and_no_weight_has_the_name_of_an_input() {
+        let mut graph = OnnxGraph::default();
+        for camera in ["v0", "w1"] {
+            graph.input(camera, &[2]);
+        }
+        let weights = [0.0, 1.0].map(|value| graph.constant(&[1], &[value]));
+        assert_eq!(weights, ["w0", "w2"]);
+        let values = ["v0", "w1"].map(|input| graph.node("Relu", &[input], &[]));
+        assert_eq!(values, ["v1", "v2"]);
     }
 
     #[test]
