@@ -188,8 +188,8 @@ pub enum TrainingError {
     },
     /// The loss is no finite number any more.
     #[error(
-        "the loss became {loss} at step {step}; lower the learning rate (it is {learning_rate}) and \
-         go on from the last checkpoint"
+        "the loss became {loss} at step {step}, with a learning rate of {learning_rate}; begin anew in another run folder, \
+         with a lower optimiser.learning_rate"
     )]
     Diverged {
         /// The optimiser step.

@@ -218,8 +218,18 @@ fn a_learning_rate_beyond_reason_is_told_as_divergence() {
     let folder = tempfile::tempdir().unwrap();
     let mut config = tiny(40);
     config.optimiser.learning_rate = 1e30;
+    config.checkpoint_every_steps = 1;
     let error = on_cpu(&config, folder.path(), &mut SilentObserver).unwrap_err();
     assert!(matches!(error, TrainingError::Diverged { .. }), "{error}");
+    let way_out = "begin anew in another run folder, with a lower optimiser.learning_rate";
+    assert!(error.to_string().ends_with(way_out), "{error}");
+    config.optimiser.learning_rate = 1e-3;
+    let refused = on_cpu(&config, folder.path(), &mut SilentObserver).unwrap_err();
+    let refused = refused.to_string();
+    assert!(
+        refused.contains("configurations (optimiser.learning_rate is"),
+        "another rate does not go on from a checkpoint: {refused}"
+    );
 }
 
 /// Makes the first batch of a training, as often as it is called.
