@@ -18,9 +18,11 @@ pub enum TrainingError {
         /// How many there are.
         found: usize,
     },
-    /// No trajectory of the training part is long enough to hold a pair of states.
+    /// No trajectory of a part is long enough to hold a pair of states, or all actions in it are missed grasps, which are
+    /// not imitated.
     #[error(
-        "no demonstration of the {part} part has two steps, so there is no pair of states to learn from"
+        "no demonstration of the {part} part has two steps and in the first of them an action to imitate, so there is nothing \
+         to learn from: record longer ones, or draw the parts otherwise, by another seed or validation_share"
     )]
     NoPairs {
         /// Which part.

@@ -58,7 +58,7 @@ impl ValidationSet {
     /// All near pairs of the held-out trajectories, and far pairs drawn uniformly.
     ///
     /// # Errors
-    /// [`TrainingError::NoPairs`] when no held-out trajectory has two steps.
+    /// [`TrainingError::NoPairs`] when no held-out trajectory has two steps, the first with an action to imitate.
     pub fn new(
         data: &Dataset,
         trajectories: &[u32],
@@ -355,6 +355,25 @@ mod tests {
             (near - 0.5).abs() < 1e-4 && (far - 2.5).abs() < 1e-2,
             "{near} {far}"
         );
+    }
+
+    #[test]
+    fn a_held_out_part_that_only_misses_is_refused_with_a_way_out() {
+        let names = ["gripper_close", "gripper_open", "up", "down"];
+        let shown = synthetic::acting(&names, &[2, 2, 2, 2, 2, 2, 2, 0, 1]);
+        let data = Dataset::new(&[shown]).unwrap();
+        let mut config = TrainingConfig::default();
+        config.imitation.missed_grasp_steps = 2;
+        config.imitation.lead_steps = 9;
+        let Err(error) = ValidationSet::new(&data, &[0], &config) else {
+            panic!("nothing but its last action is to be imitated");
+        };
+        let message = error.to_string();
+        assert!(
+            message.contains("held-out") && message.contains("an action to imitate"),
+            "{message}"
+        );
+        assert!(message.contains("another seed"), "{message}");
     }
 
     #[test]
