@@ -54,10 +54,17 @@ impl<'a> NdArray<'a> {
         Ok(array)
     }
 
-    /// Bytes of one value: what numpy's name of the type ends in.
+    /// Bytes of one value: the number in numpy's name of the type, which is that of characters in the type of texts, such as
+    /// `<U7`. The type of times has a unit behind it, as `<M8[ns]` does.
     fn value_bytes(&self) -> Option<usize> {
-        let digits = self.dtype.trim_start_matches(|c: char| !c.is_ascii_digit());
-        digits.parse().ok().filter(|size| (1..=16).contains(size))
+        let kind = self
+            .dtype
+            .trim_start_matches(|c: char| !c.is_ascii_alphabetic());
+        let number = kind.trim_start_matches(|c: char| !c.is_ascii_digit());
+        let number = number.split('[').next().unwrap_or_default();
+        let number: usize = number.parse().ok()?;
+        let size = if kind.starts_with('U') { 4 } else { 1 };
+        number.checked_mul(size).filter(|bytes| *bytes > 0)
     }
 
     /// The values, of whatever real type they are; `None` for other types than those of numpy's numbers

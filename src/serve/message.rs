@@ -352,6 +352,26 @@ mod tests {
         }
     }
 
+    /// `openpi-client` packs them too, and nobody looks at what is no camera.
+    #[test]
+    fn arrays_of_texts_and_times_are_read_and_have_no_values() {
+        let text: Vec<u8> = "pick"
+            .chars()
+            .flat_map(|c| u32::from(c).to_le_bytes())
+            .collect();
+        for (dtype, shape, data) in [
+            ("<U4", &[][..], text),
+            ("|S20", &[2][..], vec![b'x'; 40]),
+            ("<M8[ns]", &[1][..], vec![0; 8]),
+        ] {
+            let bytes = array(dtype, shape, &data);
+            let Message::Array(array) = Message::read(&bytes).expect(dtype) else {
+                panic!("{dtype} is no array")
+            };
+            assert_eq!(array.values(), None, "{dtype}");
+        }
+    }
+
     #[test]
     fn values_of_all_real_types_are_read() {
         for (dtype, data, expected) in [
