@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::fmt;
 
 use serde::Deserialize;
-use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use thiserror::Error as ThisError;
 
 use super::arrays::{self, NdArray};
@@ -63,7 +63,8 @@ impl<'a> Message<'a> {
         let message = Seed { left: &left }
             .deserialize(&mut reader)
             .map_err(|e| failed(e.to_string()))?;
-        match IgnoredAny::deserialize(&mut reader) {
+        // What may follow is not read on: a list that is cut off would end as if nothing followed.
+        match <()>::deserialize(&mut reader) {
             Err(rmp_serde::decode::Error::InvalidMarkerRead(_)) => Ok(message),
             _ => Err(failed("more follows after its end".to_owned())),
         }
@@ -332,6 +333,9 @@ mod tests {
                 "more than 10000 values",
             ),
             (vec![0xc0, 0xc0], "more follows after its end"),
+            // A list and a map that are cut off after their first byte.
+            (vec![0xc0, 0x91], "more follows after its end"),
+            (vec![0xc0, 0x81], "more follows after its end"),
             (vec![0x81, 0x01, 0x02], "a key of a map is the number 1"),
             (
                 vec![0x82, 0xa1, b'a', 1, 0xa1, b'a', 2],
