@@ -126,7 +126,11 @@ pub(super) async fn talk(
             Message::Text(_) => Message::Text(Utf8Bytes::from_static(
                 "the message is text: send msgpack in binary messages, as openpi-client does",
             )),
-            Message::Close(_) => return,
+            Message::Close(_) => {
+                // The answer, which its client waits for, goes out where the next message is looked for.
+                let _ = timeout(limits.patience, socket.recv()).await;
+                return;
+            }
             Message::Ping(_) | Message::Pong(_) if Instant::now() >= deadline => break IDLE,
             Message::Ping(_) | Message::Pong(_) => continue,
         };

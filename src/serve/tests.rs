@@ -379,6 +379,19 @@ fn pings_do_not_keep_a_connection_that_sends_nothing() {
 }
 
 #[test]
+fn a_client_that_takes_its_leave_is_answered() {
+    while_serving(ServeLimits::default(), |address| {
+        let mut stream = conversation(address);
+        // Code 1000, with the mask that a client's frames must have.
+        let leave = [0x88, 0x82, 0, 0, 0, 0, 3, 232];
+        stream.write_all(&leave).expect("a server that listens");
+        let mut rest = Vec::new();
+        stream.read_to_end(&mut rest).expect("an end");
+        assert!(rest.ends_with(&[0x88, 2, 3, 232]), "{rest:?}");
+    });
+}
+
+#[test]
 fn a_time_without_end_is_no_idle_time() {
     let limits = ServeLimits {
         idle: Duration::MAX,
