@@ -95,6 +95,9 @@ pub enum EngineArgument {
     Embedded,
 }
 
+/// The largest seed of the first of several episodes or trainings, beyond which there is room for those that follow.
+const LARGEST_FIRST_SEED: u64 = u64::MAX / 2;
+
 /// How many of something there are that must not be missing.
 fn positive(text: &str) -> Result<usize, String> {
     let number: NonZeroUsize = (text.parse()).map_err(|_| "give a whole number of 1 or more")?;
@@ -106,4 +109,32 @@ fn minutes(text: &str) -> Result<f64, String> {
     let minutes = text.parse().ok();
     let minutes = minutes.filter(|m: &f64| m.is_finite() && *m > 0.0);
     minutes.ok_or_else(|| "give a number above 0".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_first_seed_without_room_for_those_that_follow_is_refused() {
+        let calls: [&[&str]; 5] = [
+            &["evaluate", "sock", "--seed"],
+            &["evaluate", "shortcuts", "--seed"],
+            &["experiment", "chaining", "--seed"],
+            &["experiment", "table1", "--seed"],
+            &["experiment", "fig5", "--training-seed"],
+        ];
+        for call in calls {
+            let parsed = |seed: u64| {
+                let seed = seed.to_string();
+                Arguments::try_parse_from([&["catena"], call, &[seed.as_str()]].concat())
+            };
+            assert!(parsed(LARGEST_FIRST_SEED).is_ok(), "{call:?}");
+            let refused = parsed(u64::MAX).unwrap_err().to_string();
+            assert!(
+                refused.contains(&LARGEST_FIRST_SEED.to_string()),
+                "{refused}"
+            );
+        }
+    }
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::{LevelArgument, positive};
+use super::{LARGEST_FIRST_SEED, LevelArgument, positive};
 
 /// `catena compose`
 #[derive(Debug, Args)]
@@ -56,7 +56,7 @@ pub struct EvaluateArguments {
     #[arg(long, default_value_t = 50, value_parser = positive)]
     pub episodes: usize,
     /// Seed of the first episode; the others follow one by one.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(..=LARGEST_FIRST_SEED))]
     pub seed: u64,
     /// Print JSON.
     #[arg(long)]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::{LevelArgument, positive};
+use super::{LARGEST_FIRST_SEED, LevelArgument, positive};
 
 /// `catena experiment ...`
 #[derive(Debug, Subcommand)]
@@ -41,10 +41,10 @@ pub struct PaperArguments {
     #[arg(long, value_parser = positive)]
     pub episodes: Option<usize>,
     /// Seed of the first episode; the others follow one by one.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(..=LARGEST_FIRST_SEED))]
     pub seed: u64,
     /// Seed of the trainings, the first of several.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=LARGEST_FIRST_SEED))]
     pub training_seed: u64,
     /// Steps of training of our way and its variants.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
@@ -93,7 +93,7 @@ pub struct ChainingArguments {
     #[arg(long, value_parser = positive)]
     pub episodes: Option<usize>,
     /// Seed of the first episode; the others follow one by one.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(..=LARGEST_FIRST_SEED))]
     pub seed: u64,
     /// How much the world varies.
     #[arg(long, value_enum, default_value_t = LevelArgument::Paper)]
