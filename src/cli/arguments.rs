@@ -116,6 +116,31 @@ mod tests {
     use super::*;
 
     #[test]
+    fn no_states_and_no_steps_are_refused() {
+        let calls: [&[&str]; 5] = [
+            &["evaluate", "sock", "--nearest-states"],
+            &["serve", "sock", "--nearest-states"],
+            &["bench", "--nearest-states"],
+            &["bench", "--steps"],
+            &[
+                "graph",
+                "localise",
+                "sock",
+                "--demos",
+                "demos/sock",
+                "--nearest-states",
+            ],
+        ];
+        for call in calls {
+            let parsed =
+                |count: &str| Arguments::try_parse_from([&["catena"], call, &[count]].concat());
+            assert!(parsed("1").is_ok(), "{call:?}");
+            let refused = parsed("0").unwrap_err().to_string();
+            assert!(refused.contains("1 or more"), "{refused}");
+        }
+    }
+
+    #[test]
     fn a_first_seed_without_room_for_those_that_follow_is_refused() {
         let calls: [&[&str]; 5] = [
             &["evaluate", "sock", "--seed"],

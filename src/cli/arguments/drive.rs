@@ -66,7 +66,7 @@ pub struct EvaluateArguments {
     pub level: LevelArgument,
     /// Ask at each step how far only so many states are in each direction, those that seem nearest, instead
     /// of all: for large graphs.
-    #[arg(long)]
+    #[arg(long, value_parser = positive)]
     pub nearest_states: Option<usize>,
     /// How to plan: with subgoals in order, or the paper's way. With `shortcuts`, the paper's way leaves out
     /// the runs with subgoals in order.
@@ -97,11 +97,11 @@ pub struct BenchArguments {
     #[arg(long, value_delimiter = ',', default_values_t = [630, 2100, 6300])]
     pub states: Vec<usize>,
     /// Steps that are timed on each graph, fewer where the robot has finished before.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = positive)]
     pub steps: usize,
     /// Ask at each step how far only so many states are in each direction, those that seem nearest, instead
     /// of all.
-    #[arg(long)]
+    #[arg(long, value_parser = positive)]
     pub nearest_states: Option<usize>,
     /// Steps of the plain implementation that are timed.
     #[arg(long, default_value_t = 20)]

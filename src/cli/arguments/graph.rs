@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::ReadArguments;
+use super::{ReadArguments, positive};
 
 /// `catena graph ...`
 #[derive(Debug, Subcommand)]
@@ -97,7 +97,7 @@ pub struct GraphLocaliseArguments {
     pub demos: PathBuf,
     /// Ask at each step how far only so many states are in each direction, those that seem nearest, instead
     /// of all.
-    #[arg(long)]
+    #[arg(long, value_parser = positive)]
     pub nearest_states: Option<usize>,
     #[command(flatten)]
     pub read: ReadArguments,

@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use clap::Args;
 
-use super::LevelArgument;
+use super::{LevelArgument, positive};
 
 /// `catena serve`
 #[derive(Debug, Args)]
@@ -20,7 +20,7 @@ pub struct ServeArguments {
     pub limits: LimitArguments,
     /// Ask at each step how far only so many states are in each direction, those that seem nearest, instead
     /// of all: for large graphs.
-    #[arg(long)]
+    #[arg(long, value_parser = positive)]
     pub nearest_states: Option<usize>,
 }
 
