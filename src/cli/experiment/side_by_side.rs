@@ -8,12 +8,15 @@ use crate::cli::error::CliError;
 /// # Errors
 /// That of a job. Jobs that run then are waited for, no further one is begun.
 pub(super) fn side_by_side<J: Send>(
-    jobs: impl IntoIterator<Item = J, IntoIter: Send>,
+    jobs: impl IntoIterator<Item = J>,
     at_once: usize,
     work: impl Fn(J) -> Result<(), CliError> + Sync,
 ) -> Result<(), CliError> {
+    let jobs: Vec<J> = jobs.into_iter().collect();
+    // No more than have something to do.
+    let at_once = at_once.min(jobs.len());
     // None once a job failed.
-    let left = Mutex::new(Some(jobs.into_iter().fuse()));
+    let left = Mutex::new(Some(jobs.into_iter()));
     let left = || left.lock().expect("no one panics with it");
     // Not within the loop's condition, which would hold the lock while a job works.
     let next = || left().as_mut()?.next();
@@ -51,6 +54,17 @@ mod tests {
         };
         side_by_side(0..6, 2, work).unwrap();
         assert_eq!(done.into_inner(), 6);
+    }
+
+    #[test]
+    fn no_more_threads_are_begun_than_there_are_jobs() {
+        let done = AtomicUsize::new(0);
+        let work = |_| {
+            done.fetch_add(1, Ordering::Relaxed);
+            Ok(())
+        };
+        side_by_side(0..3, usize::MAX, work).unwrap();
+        assert_eq!(done.into_inner(), 3);
     }
 
     #[test]

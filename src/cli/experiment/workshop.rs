@@ -135,7 +135,7 @@ impl<'a> Workshop<'a> {
     /// Does each job, as many beside each other as was asked for.
     pub(super) fn side_by_side<J: Send>(
         &self,
-        jobs: impl IntoIterator<Item = J, IntoIter: Send>,
+        jobs: impl IntoIterator<Item = J>,
         work: impl Fn(J) -> Result<(), CliError> + Sync,
     ) -> Result<(), CliError> {
         side_by_side(jobs, self.commands.at_once, work)
