@@ -112,7 +112,9 @@ impl Commands {
     /// A command as it would be typed.
     pub(super) fn shown(&self, words: &[OsString], engine: Option<&str>) -> String {
         let words = self.with_engine(words, engine);
-        let words: Vec<_> = words.iter().map(|w| w.to_string_lossy()).collect();
+        let words: Vec<String> = (words.iter())
+            .map(|word| quoted(&word.to_string_lossy()))
+            .collect();
         format!("catena {}", words.join(" "))
     }
 
@@ -124,6 +126,15 @@ impl Commands {
         }
         words
     }
+}
+
+/// A word as a shell takes it for one: in quotes where it has more than letters, digits and what paths are made of.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "_-+=./,:@%".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', "'\\''"))
 }
 
 /// A log, opened to be written on.
@@ -141,4 +152,27 @@ fn last_words(log: Option<&Path>) -> String {
     let lines: Vec<&str> = text.lines().collect();
     let last = lines[lines.len().saturating_sub(LAST_LINES)..].join("\n");
     format!("\nthe end of {}:\n{last}", log.display())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_is_shown_as_a_shell_takes_it() {
+        let commands = Commands::new(1, EngineArgument::Native).unwrap();
+        let shown = |path: &str| {
+            let words = ["evaluate", "sock", "--root", path].map(OsString::from);
+            commands.shown(&words, None)
+        };
+        let plain = "/work/out/ours_10_seed1_steps4400";
+        assert_eq!(
+            shown(plain),
+            format!("catena evaluate sock --root {plain} --engine native")
+        );
+        assert_eq!(
+            shown("/home/a b/Ann's $work"),
+            r"catena evaluate sock --root '/home/a b/Ann'\''s $work' --engine native"
+        );
+    }
 }

@@ -88,8 +88,11 @@ impl<'a> Workshop<'a> {
         words: &[OsString],
         engine: Option<&str>,
     ) -> String {
-        let command = self.commands.shown(words, engine);
-        command.replace(&trained.root.display().to_string(), "...")
+        let root = trained.root.display().to_string();
+        let words = words.iter().map(|word| word.to_string_lossy());
+        let words = words.map(|word| OsString::from(word.replace(&root, "...")));
+        let words: Vec<OsString> = words.collect();
+        self.commands.shown(&words, engine)
     }
 
     /// A cell that is to be measured; none where it is there already.
