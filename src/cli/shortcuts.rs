@@ -7,6 +7,7 @@ use super::error::CliError;
 use super::evaluate::{bedroom, episodes, options};
 use super::loaded::Loaded;
 use super::record::bedroom_task;
+use crate::composer::Composition;
 use crate::experiment::{ScoredBedroom, ShortcutDetection, Skipper, Watched};
 use crate::planner::{Planner, PlannerOptions};
 use crate::rollout::{Monitor, Rollout, RolloutError};
@@ -97,8 +98,7 @@ pub(super) fn evaluate_shortcuts(
 ) -> Result<(), CliError> {
     let composition = evaluate_arguments.composition.as_deref();
     let loaded = Loaded::load(composition.unwrap_or(COMPOSITION), arguments)?;
-    let last = loaded.composition.automaton.tasks().last().cloned();
-    let alone = Loaded::load(&last.unwrap_or_default(), arguments)?;
+    let alone = Loaded::of(last_alone(&loaded.composition)?, arguments)?;
     let tasks = loaded.composition.automaton.tasks().iter();
     let tasks = tasks.map(|task| bedroom_task(task));
     let in_order = loaded.planner(loaded.composition.planner.clone())?;
@@ -137,6 +137,14 @@ pub(super) fn evaluate_shortcuts(
         print!("{}", described(&report));
     }
     Ok(())
+}
+
+/// The last task as a composition of its own, with the model of the whole one: a task need not name any.
+fn last_alone(composition: &Composition) -> Result<Composition, CliError> {
+    let last = composition.tasks.last();
+    let mut last = last.expect("a composition has tasks").clone();
+    last.model = Some(composition.model.clone());
+    Ok(Composition::single(last)?)
 }
 
 /// What drives along a planner's composition.
@@ -221,4 +229,30 @@ fn described(report: &ShortcutEvaluation) -> String {
         _ = writeln!(text, "  {what} ({episodes}): {found}");
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::composer::{FoundBy, TaskSpec};
+
+    #[test]
+    fn the_last_task_alone_goes_with_the_model_of_the_composition() {
+        let task = |name: &str| {
+            let spec = TaskSpec::new(name, format!("graphs/{name}"));
+            let spec = spec.subgoal("reached", FoundBy::End);
+            spec.resolve(Path::new("")).expect("a sound task")
+        };
+        let whole = Composition::builder("both")
+            .task(task("first"))
+            .task(task("second"))
+            .model("out/model")
+            .build()
+            .expect("a sound composition");
+        let alone = last_alone(&whole).expect("the model is that of the whole");
+        assert_eq!(alone.automaton.tasks(), ["second"]);
+        assert_eq!(alone.model, Path::new("out/model"));
+    }
 }
