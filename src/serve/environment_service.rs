@@ -189,7 +189,9 @@ fn action_of(message: &Message<'_>, space: &ActionSpace) -> Result<Action, Strin
             .ok_or_else(refused)?,
         _ => return Err(refused()),
     };
-    let is_sound = values.len() == space.dimension_count() && values.iter().all(|v| v.is_finite());
+    // Of what is too large for an action nothing finite is left.
+    let is_finite = |value: &f64| (*value as f32).is_finite();
+    let is_sound = values.len() == space.dimension_count() && values.iter().all(is_finite);
     match space {
         ActionSpace::Primitives { names } => values
             .first()

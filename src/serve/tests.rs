@@ -296,6 +296,12 @@ fn actions_that_do_not_fit_are_refused_with_what_does() {
             "send 2 finite numbers",
         ),
         (
+            pack(&Act {
+                action: [1.0, 1e300],
+            }),
+            "send 2 finite numbers",
+        ),
+        (
             pack(&Act { action: "forward" }),
             "is the text 'forward': send 2",
         ),
