@@ -16,7 +16,7 @@ pub struct ShortcutDetection {
     pub shortcuts: usize,
     /// Episodes in which the monitor flagged a shortcut.
     pub flagged: usize,
-    /// Episodes in which it did so rightly: not before there was one.
+    /// Episodes in which it did so rightly: not more than five steps before there was one.
     pub rightly_flagged: usize,
     /// Share of the flags that are right; none where nothing was flagged.
     pub precision: Option<f64>,
