@@ -30,6 +30,7 @@ struct Frame<'a> {
     nanos: u64,
     message: &'a [u8],
     image: Option<Shown>,
+    is_damaged: bool,
 }
 
 /// An image in the size that is asked for.
@@ -64,6 +65,7 @@ impl<'a> Film<'a> {
             nanos,
             message,
             image: None,
+            is_damaged: false,
         };
         Self {
             camera: camera.to_owned(),
@@ -88,6 +90,7 @@ impl<'a> Film<'a> {
                 recorded_size: (image.height(), image.width()),
                 image,
             }),
+            is_damaged: false,
         };
         Self {
             camera: camera.to_owned(),
@@ -138,37 +141,48 @@ impl<'a> Film<'a> {
         }
     }
 
-    /// Decodes the frames at these indices and removes those that fail; whether none did.
+    /// Decodes the frames at these indices, which are in order, or the next one before each that can be decoded, and
+    /// removes those that cannot; whether there were none.
     fn decode(&mut self, needed: &[usize]) -> bool {
-        let mut wanted = vec![false; self.frames.len()];
-        for frame in needed {
-            wanted[*frame] = true;
-        }
         let (format, view, camera) = (self.format, self.view, self.camera.as_str());
-        let failures: Vec<_> = self
-            .frames
-            .par_iter_mut()
-            .zip(wanted)
-            .map(|(frame, wanted)| {
-                if !wanted || frame.image.is_some() {
-                    return None;
-                }
-                match decode_image(format, frame.message) {
-                    Ok(image) => {
-                        frame.image = Some(Shown {
-                            recorded_size: (image.height(), image.width()),
-                            image: view.sized(camera, image),
-                        });
-                        None
+        // Each stretch ends with a needed frame, so that no frame is tried twice.
+        let mut stretches = Vec::new();
+        let (mut rest, mut start) = (self.frames.as_mut_slice(), 0);
+        for end in needed.iter().map(|last| last + 1) {
+            if end > start {
+                let (stretch, later) = rest.split_at_mut(end - start);
+                stretches.push(stretch);
+                (rest, start) = (later, end);
+            }
+        }
+        let reasons: Vec<Vec<String>> = stretches
+            .into_par_iter()
+            .map(|stretch| {
+                let mut reasons = Vec::new();
+                for frame in stretch.iter_mut().rev() {
+                    if frame.image.is_some() {
+                        break;
                     }
-                    Err(reason) => Some(reason),
+                    match decode_image(format, frame.message) {
+                        Ok(image) => {
+                            frame.image = Some(Shown {
+                                recorded_size: (image.height(), image.width()),
+                                image: view.sized(camera, image),
+                            });
+                            break;
+                        }
+                        Err(reason) => {
+                            frame.is_damaged = true;
+                            reasons.push(reason);
+                        }
+                    }
                 }
+                reasons
             })
             .collect();
-        let mut failed = failures.iter().map(Option::is_some);
-        self.frames.retain(|_| !failed.next().unwrap_or(false));
+        self.frames.retain(|frame| !frame.is_damaged);
         let before = self.undecodable.len();
-        self.undecodable.extend(failures.into_iter().flatten());
+        self.undecodable.extend(reasons.into_iter().flatten());
         self.undecodable.len() == before
     }
 
@@ -211,5 +225,62 @@ impl<'a> Film<'a> {
             images: self.undecodable.len(),
             reason: self.undecodable.first()?.clone(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::storage::fixtures::picture;
+    use crate::storage::pixels::encode_png;
+
+    /// Images at 0, 10, 20 and so on, of which those at these places are sound.
+    fn images(count: usize, sound: &[usize]) -> Vec<(u64, Vec<u8>)> {
+        let bytes = |i: usize| {
+            if sound.contains(&i) {
+                encode_png(&picture(4, 6, i)).unwrap()
+            } else {
+                b"x".repeat(10 + i)
+            }
+        };
+        (0..count).map(|i| (10 * i as u64, bytes(i))).collect()
+    }
+
+    fn film<'a>(images: &'a [(u64, Vec<u8>)], view: &'a View) -> Film<'a> {
+        let packing = (ImageFormat::File, (4, 6));
+        let messages = images.iter().map(|(nanos, data)| (*nanos, data.as_slice()));
+        Film::of_messages("top", "/camera/top", packing, view, messages)
+    }
+
+    #[test]
+    fn all_damaged_images_before_a_needed_one_go_in_one_pass() {
+        let view = View::default();
+        let images = images(40, &[0]);
+        let mut film = film(&images, &view);
+        assert!(!film.decode(&[39]));
+        assert_eq!(film.frames.len(), 1);
+        assert_eq!(film.image(0), &picture(4, 6, 0));
+        assert_eq!(film.undecodable.len(), 39);
+        assert!(film.decode(&[0]));
+    }
+
+    #[test]
+    fn each_step_shows_the_last_sound_image_and_others_are_not_looked_at() {
+        let view = View::default();
+        let images = images(12, &[1, 2, 7, 10]);
+        let mut films = [film(&images, &view)];
+        let alignment = Film::develop(&mut films, &[5, 20, 60, 80, 85]);
+        let [film] = &films;
+        // The first step has no sound image at or before it.
+        assert_eq!(alignment.first_action, 1);
+        let shown = alignment.images[0].iter().map(|i| film.frames[*i].nanos);
+        assert_eq!(shown.collect::<Vec<_>>(), [20, 20, 70, 70]);
+        for (shown, sound) in alignment.images[0].iter().zip([2, 2, 7, 7]) {
+            assert_eq!(film.image(*shown), &picture(4, 6, sound));
+        }
+        // Those at 0, 30 to 60 and 80; the reason that is told is of the first that a step needs.
+        assert_eq!(film.undecodable.len(), 6);
+        let told = &film.undecodable[0];
+        assert!(told.starts_with("10 bytes"), "{told}");
     }
 }
