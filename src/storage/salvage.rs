@@ -19,7 +19,7 @@ use super::{Loss, StorageError};
 
 /// Opcode and length before each record.
 const RECORD_HEAD_BYTES: u64 = 9;
-/// A chunk that claims to be larger is damaged; writers make chunks of a few MiB.
+/// A chunk that claims or unpacks to more is damaged; writers make chunks of a few MiB.
 const CHUNK_BYTES_LIMIT: usize = 1 << 30;
 
 /// What a file holds besides its messages.
@@ -228,7 +228,7 @@ impl<F: FnMut(&Channel, u64, Vec<u8>)> Salvager<F> {
         }
         let mut head = vec![op::CHUNK];
         head.extend((data.len() as u64).to_le_bytes());
-        let (records, error) = chunk_records(&mut head.chain(data), true);
+        let (records, error) = chunk_records(&mut head.chain(data), true, CHUNK_BYTES_LIMIT);
         let error = error.or_else(|| {
             records
                 .into_iter()
@@ -319,7 +319,7 @@ impl<F: FnMut(&Channel, u64, Vec<u8>)> Salvager<F> {
         let mut unchecked_messages = 0;
         if is_chunk {
             input.seek(SeekFrom::Start(stop.at_byte))?;
-            for (opcode, data) in chunk_records(input, false).0 {
+            for (opcode, data) in chunk_records(input, false, CHUNK_BYTES_LIMIT).0 {
                 if self.take_flat_record(opcode, &data).is_err() {
                     break;
                 }
@@ -345,16 +345,21 @@ impl<F: FnMut(&Channel, u64, Vec<u8>)> Salvager<F> {
 /// The records in a chunk, given the chunk record from its opcode on, and the error that ended it.
 ///
 /// With `checked` no record is given unless the checksum of all of them is right; a chunk without a
-/// checksum is believed.
-fn chunk_records(input: &mut impl Read, checked: bool) -> (Vec<(u8, Vec<u8>)>, Option<McapError>) {
+/// checksum is believed. No more than `limit` bytes are unpacked, with a checksum or without.
+fn chunk_records(
+    input: &mut impl Read,
+    checked: bool,
+    limit: usize,
+) -> (Vec<(u8, Vec<u8>)>, Option<McapError>) {
     let mut reader = LinearReader::new_with_options(
         LinearReaderOptions::default()
             .with_skip_start_magic(true)
             .with_skip_end_magic(true)
             .with_prevalidate_chunk_crcs(checked)
-            .with_record_length_limit(CHUNK_BYTES_LIMIT),
+            .with_record_length_limit(limit),
     );
     let mut records = Vec::new();
+    let mut unpacked: u64 = 0;
     loop {
         match reader.next_event() {
             Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
@@ -364,11 +369,65 @@ fn chunk_records(input: &mut impl Read, checked: bool) -> (Vec<(u8, Vec<u8>)>, O
                 }
             }
             Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                unpacked += RECORD_HEAD_BYTES + data.len() as u64;
+                // The reader holds the whole to the limit only where there is a checksum.
+                if unpacked > limit as u64 {
+                    if checked {
+                        records.clear();
+                    }
+                    return (records, Some(McapError::ChunkTooLarge(unpacked)));
+                }
                 records.push((opcode, data.to_vec()));
             }
             Some(Err(error)) if checked => return (Vec::new(), Some(error)),
             Some(Err(error)) => return (records, Some(error)),
             None => return (records, None),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A chunk that is not compressed, with two records of 100 bytes; it has no checksum where that is 0.
+    fn chunk(checksum: u32) -> Vec<u8> {
+        const RECORDS_BYTES: u64 = 2 * (RECORD_HEAD_BYTES + 100);
+        let mut fields: Vec<u8> = Vec::new();
+        for number in [0, 1, RECORDS_BYTES] {
+            fields.extend(number.to_le_bytes());
+        }
+        fields.extend(checksum.to_le_bytes());
+        fields.extend(0_u32.to_le_bytes());
+        fields.extend(RECORDS_BYTES.to_le_bytes());
+        for content in [1_u8, 2] {
+            fields.push(op::MESSAGE);
+            fields.extend(100_u64.to_le_bytes());
+            fields.extend([content; 100]);
+        }
+        let mut chunk = vec![op::CHUNK];
+        chunk.extend((fields.len() as u64).to_le_bytes());
+        chunk.extend(fields);
+        chunk
+    }
+
+    #[test]
+    fn a_chunk_without_a_checksum_unpacks_to_no_more_than_one_with_it() {
+        let read = |checksum, checked, limit| {
+            let (records, error) = chunk_records(&mut chunk(checksum).as_slice(), checked, limit);
+            (records.len(), error.map(|e| e.to_string()))
+        };
+        assert_eq!(read(0, true, 218), (2, None));
+        assert_eq!(read(0, false, 218), (2, None));
+        let too_large = "chunk (de)compressed length exceeds limit: `218`".to_owned();
+        for checksum in [0, 7] {
+            assert_eq!(
+                read(checksum, true, 217),
+                (0, Some(too_large.clone())),
+                "checksum {checksum}"
+            );
+        }
+        // Of a chunk that is cut off what was complete is kept.
+        assert_eq!(read(0, false, 217), (1, Some(too_large)));
     }
 }
