@@ -91,16 +91,14 @@ pub(super) fn columns_of_depths(dataset: &Dataset) -> BTreeMap<String, String> {
 fn first_picture(dataset: &Dataset, table: &Table, key: &str) -> Option<Vec<u8>> {
     const LOOKED_AT: usize = 8;
     let rows = 0..table.rows().min(LOOKED_AT);
-    let batch = table
-        .read(&[key.to_owned()], Some(rows))
-        .ok()?
-        .next()?
-        .ok()?;
-    let looked_at = pictures(batch.column_by_name(key)?).ok()?;
-    looked_at.into_iter().find_map(|picture| match picture {
-        Picture::Bytes(bytes) => Some(bytes),
-        Picture::Path(path) => fs::read(dataset.root.join(inside(&path).ok()?)).ok(),
-        Picture::None => None,
+    let batches = table.read(&[key.to_owned()], Some(rows)).ok()?;
+    batches.map_while(Result::ok).find_map(|batch| {
+        let looked_at = pictures(batch.column_by_name(key)?).ok()?;
+        looked_at.into_iter().find_map(|picture| match picture {
+            Picture::Bytes(bytes) => Some(bytes),
+            Picture::Path(path) => fs::read(dataset.root.join(inside(&path).ok()?)).ok(),
+            Picture::None => None,
+        })
     })
 }
 

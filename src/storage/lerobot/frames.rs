@@ -20,8 +20,10 @@ use parquet::arrow::arrow_reader::{
 
 use super::{StorageError, fault};
 
-/// Rows that are decoded at once: with images a row can have megabytes.
+/// Rows that are decoded at once.
 const BATCH_ROWS: usize = 256;
+/// The same with images, which can have megabytes: what one batch holds of a column must be less than 2 GiB.
+const IMAGE_BATCH_ROWS: usize = 4;
 /// A row group whose columns claim more is damaged; writers make groups of some hundred MiB.
 const MAX_GROUP_BYTES: i64 = 8 << 30;
 /// 155 hours at 30 Hz in one file; a few bytes can claim any number of equal rows.
@@ -134,7 +136,8 @@ impl Table {
             .filter(|(_, name)| columns.contains(name))
             .map(|(i, _)| i);
         let mask = ProjectionMask::roots(builder.parquet_schema(), roots);
-        let mut builder = builder.with_projection(mask).with_batch_size(BATCH_ROWS);
+        let batch_rows = self.batch_rows(columns);
+        let mut builder = builder.with_projection(mask).with_batch_size(batch_rows);
         if let Some(rows) = rows {
             builder = builder.with_row_selection(RowSelection::from(vec![
                 RowSelector::skip(rows.start),
@@ -154,6 +157,23 @@ impl Table {
             is_broken = next.is_err();
             next.transpose()
         }))
+    }
+
+    /// How many rows of these columns are decoded at once.
+    fn batch_rows(&self, columns: &[String]) -> usize {
+        let fields = self.metadata.schema().fields().iter();
+        let mut read = fields.filter(|field| columns.contains(field.name()));
+        let can_hold_images = |kind: &DataType| {
+            matches!(
+                kind,
+                DataType::Binary | DataType::LargeBinary | DataType::Struct(_)
+            )
+        };
+        if read.any(|field| can_hold_images(field.data_type())) {
+            IMAGE_BATCH_ROWS
+        } else {
+            BATCH_ROWS
+        }
     }
 
     /// The rows of an episode: a stretch in which the column `episode_index` has its number.
@@ -315,6 +335,30 @@ mod tests {
     use parquet::file::metadata::ParquetMetaData;
 
     use super::*;
+
+    #[test]
+    fn few_rows_are_decoded_at_once_where_images_can_be_among_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("frames.parquet");
+        let numbers: ArrayRef = Arc::new(Int64Array::from_iter_values(0..10));
+        let bytes = vec![b"image".as_slice(); 10];
+        let images: ArrayRef = Arc::new(BinaryArray::from_vec(bytes));
+        let columns = [("frame_index", numbers), ("image", images)];
+        let batch = RecordBatch::try_from_iter(columns).unwrap();
+        let file = File::create(&path).unwrap();
+        let mut writer = ArrowWriter::try_new(file, batch.schema(), None).unwrap();
+        writer.write(&batch).unwrap();
+        writer.close().unwrap();
+        let table = Table::open(&path).unwrap();
+        let rows = |columns: &[&str], rows| -> Vec<usize> {
+            let columns: Vec<String> = columns.iter().map(|c| (*c).to_owned()).collect();
+            let batches = table.read(&columns, rows).unwrap();
+            batches.map(|batch| batch.unwrap().num_rows()).collect()
+        };
+        assert_eq!(rows(&["frame_index"], None), [10]);
+        assert_eq!(rows(&["image"], None), [4, 4, 2]);
+        assert_eq!(rows(&["frame_index", "image"], Some(3..8)), [4, 1]);
+    }
 
     #[test]
     fn groups_that_claim_more_rows_than_a_table_may_have_are_refused() {
