@@ -14,6 +14,7 @@
 
 mod dataset;
 mod depth;
+mod episode_rows;
 mod episodes;
 mod films;
 mod frames;

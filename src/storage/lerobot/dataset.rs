@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use super::depth::{Depth, columns_of_depths};
+use super::episode_rows::EpisodeRows;
 use super::episodes::{Episode, episode_files, load_episodes};
 use super::info::{ACTION, Feature, Info, listed};
 use super::restored::Restored;
@@ -18,6 +19,8 @@ pub(in crate::storage) struct Dataset {
     pub root: PathBuf,
     pub(super) info: Info,
     pub episodes: Vec<Episode>,
+    /// Where their frames are in the tables.
+    pub(super) episode_rows: EpisodeRows,
     /// The files that describe them.
     described_in: Vec<PathBuf>,
     pub(super) restored: Option<Restored>,
@@ -49,9 +52,11 @@ impl Dataset {
     pub fn open(root: &Path) -> Result<Self, StorageError> {
         let info = Info::load(root)?;
         let described_in = episode_files(root, &info)?;
+        let episodes = load_episodes(root, &info, &described_in)?;
         Ok(Self {
             root: root.to_owned(),
-            episodes: load_episodes(root, &info, &described_in)?,
+            episode_rows: EpisodeRows::of(&episodes),
+            episodes,
             described_in,
             restored: Restored::load(root)?,
             columns_of_depths: OnceLock::new(),

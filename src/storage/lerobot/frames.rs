@@ -1,4 +1,4 @@
-//! Tables of frames: which rows are an episode's, and what is in their columns.
+//! Tables of frames, and what is in their columns.
 
 use std::fs::File;
 use std::ops::Range;
@@ -174,44 +174,6 @@ impl Table {
         } else {
             BATCH_ROWS
         }
-    }
-
-    /// The rows of an episode: a stretch in which the column `episode_index` has its number.
-    pub fn rows_of(&self, episode: u64) -> Result<Range<usize>, StorageError> {
-        const COLUMN: &str = "episode_index";
-        let mut row = 0;
-        let mut found: Option<Range<usize>> = None;
-        for batch in self.read(&[COLUMN.to_owned()], None)? {
-            let batch = batch?;
-            let indices = integers(batch.column(0)).ok_or_else(|| {
-                fault(
-                    &self.path,
-                    format!("the column '{COLUMN}' holds no whole numbers"),
-                )
-            })?;
-            for index in &indices {
-                if u64::try_from(*index) == Ok(episode) {
-                    match &mut found {
-                        None => found = Some(row..row + 1),
-                        Some(range) if range.end == row => range.end += 1,
-                        Some(range) => {
-                            let reason = format!(
-                                "rows {range:?} and row {row} are of episode {episode}: an episode's rows must follow \
-                                 each other"
-                            );
-                            return Err(fault(&self.path, reason));
-                        }
-                    }
-                }
-                row += 1;
-            }
-        }
-        found.ok_or_else(|| {
-            let reason = format!(
-                "none of its {row} rows is of episode {episode}, which the metadata says is here: is the dataset complete?"
-            );
-            fault(&self.path, reason)
-        })
     }
 }
 

@@ -41,7 +41,7 @@ impl<'a> Frames<'a> {
         let (action_key, feature) = dataset.action(view)?;
         let width = feature.shape[0] as usize;
         let table = Table::open(&path)?;
-        let rows = table.rows_of(episode.index)?;
+        let rows = dataset.episode_rows.rows_of(episode, &table, &path)?;
         let columns = [action_key, TIMESTAMP, FRAME_INDEX].map(str::to_owned);
         let (mut actions, mut secs, mut indices) = (Vec::new(), Vec::new(), Vec::new());
         for batch in table.read(&columns, Some(rows.clone()))? {
