@@ -11,6 +11,7 @@ mod bag;
 mod build_folder;
 mod cdr;
 mod convert;
+mod declared_space;
 mod decode;
 mod demonstrations;
 mod depth;

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::action_message::{ActionFormat, ActionMessage, action, action_space};
 use super::align::{align, images_left_out};
+use super::declared_space::declared_space;
 use super::decode::decode_image;
-use super::episode::{HEADER_RECORD, keys};
 use super::scan::{Scan, TopicScan};
 use super::steps::Steps;
 use super::topic::{ImageFormat, Role};
@@ -121,9 +121,13 @@ impl<'a> Layout<'a> {
     }
 
     fn add_actions(&mut self, format: ActionFormat, scan: &'a TopicScan, file: &Scan) {
+        let declared = match declared_space(file) {
+            Ok(declared) => declared,
+            Err(reason) => return self.leave(scan, false, &reason),
+        };
         let messages: Vec<_> = scan.kept.iter().map(|(_, m)| format.decode(m)).collect();
         let readable: Vec<_> = messages.iter().flatten().cloned().collect();
-        let Some(space) = action_space(declared_space(file), &readable) else {
+        let Some(space) = action_space(declared, &readable) else {
             let reason = messages
                 .into_iter()
                 .find_map(Result::err)
@@ -334,12 +338,6 @@ impl ActionTopic<'_> {
             })
             .collect()
     }
-}
-
-/// The action space that a recording of ours declares in its metadata.
-fn declared_space(scan: &Scan) -> Option<ActionSpace> {
-    let header = scan.salvage.metadata.get(HEADER_RECORD)?;
-    serde_json::from_str(header.get(keys::ACTION_SPACE)?).ok()
 }
 
 /// What of the file could not be read, as the end of an error's text.

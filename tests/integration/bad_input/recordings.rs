@@ -101,6 +101,15 @@ fn with_primitive(folder: &Path, index: usize) -> PathBuf {
     mcap_saying(&path, &[("action_space", space)], &messages)
 }
 
+/// A recording that declares a dimension without a bin.
+fn without_bins(folder: &Path) -> PathBuf {
+    let dimension = r#"{"name": "x", "low": 0, "high": 1, "bins": 0}"#;
+    let space = format!(r#"{{"kind": "binned", "dimensions": [{dimension}]}}"#);
+    let messages = [shown(0), told(1, r#"{"values": [0.5]}"#)];
+    let path = folder.join("demo.mcap");
+    mcap_saying(&path, &[("action_space", &space)], &messages)
+}
+
 /// Two recordings of one task, of which the second has smaller images.
 pub(super) fn of_two_sizes(folder: &Path) -> PathBuf {
     let task = folder.join("cup");
@@ -195,6 +204,7 @@ pub(super) const CASES: &[Case] = &[
     ("primitive that the recording does not have", |f| {
         with_primitive(f, 9)
     }),
+    ("declared dimension of 0 bins", without_bins),
     ("image is no picture", |f| with_image(f, b"not a picture")),
     ("image claims 16383x16383 pixels", |f| {
         with_image(f, &lying_png())
