@@ -230,9 +230,6 @@ fn is_carried(topic: &str, report: &RecordingReport) -> bool {
     ];
     let is_camera = report.cameras.iter().any(|c| c.topic == topic);
     let is_action = report.actions.as_ref().is_some_and(|a| a.topic == topic);
-    let last = topic.rsplit('/').next().unwrap_or_default();
-    is_camera
-        || is_action
-        || matches!(last, "task" | "subgoal")
-        || OF_EVERY_DATASET.contains(&topic)
+    let is_text = report.texts.iter().any(|text| text == topic);
+    is_camera || is_action || is_text || OF_EVERY_DATASET.contains(&topic)
 }

@@ -163,6 +163,7 @@ fn report(
         cameras: layout.cameras.iter().map(CameraTopic::report).collect(),
         markers: Layout::markers(scan, step_times),
         topics: scan.topics.values().map(TopicScan::report).collect(),
+        texts: scan.text_topics(),
         metadata: flat_metadata(scan),
         losses,
         notes: layout.notes(),

@@ -35,6 +35,9 @@ pub struct RecordingReport {
     pub markers: Vec<Marker>,
     /// All topics by name.
     pub topics: Vec<TopicReport>,
+    /// Those that tell the task and the markers.
+    #[serde(skip)]
+    pub(super) texts: Vec<String>,
     /// What the file says of itself; of metadata records other than ours with the record's name.
     pub metadata: BTreeMap<String, String>,
     /// What could not be read.

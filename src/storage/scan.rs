@@ -89,6 +89,13 @@ impl Scan {
         text(topic, message).filter(|task| !task.is_empty())
     }
 
+    /// The topics on which the task and the subgoals are told.
+    pub fn text_topics(&self) -> Vec<String> {
+        let is_text = |t: &&TopicScan| matches!(t.role, Role::Task | Role::Subgoal);
+        let texts = self.topics.values().filter(is_text);
+        texts.map(|t| t.channel.topic.clone()).collect()
+    }
+
     /// Names and times of the subgoal markers, in order of time.
     pub fn markers(&self) -> Vec<(u64, String)> {
         let mut markers: Vec<_> = self

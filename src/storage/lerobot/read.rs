@@ -144,6 +144,7 @@ impl Frames<'_> {
             cameras: cameras.used.iter().map(camera).collect(),
             markers: self.markers(&steps.chosen_times()),
             topics: topics.collect(),
+            texts: Vec::new(),
             metadata,
             losses: self.losses.clone(),
             notes: cameras.left_out.clone(),

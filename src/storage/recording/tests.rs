@@ -1,5 +1,6 @@
 mod depth;
 mod rates;
+mod texts;
 
 use std::fs;
 use std::path::{Path, PathBuf};
