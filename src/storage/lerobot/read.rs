@@ -127,6 +127,7 @@ impl Frames<'_> {
         if let Some(ranges) = view.ranges() {
             remarks.extend(steps.values_beyond(&ranges, &self.actions, 0));
         }
+        remarks.extend(unread_topics(view));
         let ends = self.times.first().zip(self.times.last());
         RecordingReport {
             path: self.dataset.root.clone(),
@@ -152,4 +153,20 @@ impl Frames<'_> {
             left_out: None,
         }
     }
+}
+
+/// The topics of texts that the mapping file names, which count for other recordings alone.
+fn unread_topics(view: &View) -> impl Iterator<Item = String> {
+    let mapping = view.mapping.as_ref();
+    let task = mapping.and_then(|m| m.task_topic()).map(|topic| {
+        format!(
+            "{topic}, the topic of the task by the mapping file, is not read: the metadata of a dataset tell its tasks"
+        )
+    });
+    let subgoal = mapping.and_then(|m| m.subgoal_topic()).map(|topic| {
+        format!(
+            "{topic}, the topic of subgoals by the mapping file, is not read: of a dataset meta/catena.json alone tells them"
+        )
+    });
+    task.into_iter().chain(subgoal)
 }

@@ -421,6 +421,24 @@ fn values_whose_names_are_numbered_are_called_by_their_numbers() {
 }
 
 #[test]
+fn topics_of_texts_in_a_mapping_file_are_told_not_to_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = folder.path().join("dataset");
+    convert_to_lerobot(&open(&bridge()), &dataset, PictureFormat::Png).unwrap();
+    let mapping = folder.path().join("dataset.yaml");
+    let text = "recordings: dataset\ntopics: {task: language, subgoal: reached}\n";
+    fs::write(&mapping, text).unwrap();
+    let told = [
+        "language, the topic of the task by the mapping file, is not read: the metadata of a dataset tell its tasks",
+        "reached, the topic of subgoals by the mapping file, is not read: of a dataset meta/catena.json alone tells them",
+    ];
+    let looked = open(&mapping).inspect().remove(0).unwrap();
+    assert_eq!(looked.remarks, told);
+    assert_eq!(all(&mapping)[0].report.remarks, told);
+    assert!(all(&dataset)[0].report.remarks.is_empty());
+}
+
+#[test]
 fn what_describes_the_episodes_is_part_of_the_digest() {
     let folder = tempfile::tempdir().unwrap();
     let [three, two] = in_both_versions(folder.path());
