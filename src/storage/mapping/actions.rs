@@ -61,15 +61,19 @@ pub(super) fn shape(
 ) -> Result<ActionShape, StorageError> {
     let spec = &mapping.spec.actions;
     let ActionSpace::Continuous { names } = space else {
-        let given = spec.names.as_ref().or(spec.keep.as_ref());
-        return match given {
-            Some(list) => {
-                let message = format!("the actions of {} are {space}", recording.display());
-                let help = "Their names are known: leave 'names' and 'keep' out";
-                Err(mapping.fault(list, message, help))
-            }
-            None => Ok(ActionShape::whole(space)),
-        };
+        let are = format!("the actions of {} are {space}", recording.display());
+        if let Some(list) = spec.names.as_ref().or(spec.keep.as_ref()) {
+            let help = "Their names are known: leave 'names' and 'keep' out";
+            return Err(mapping.fault(list, are, help));
+        }
+        if let Some((key, place)) = spec.of_values() {
+            let message = format!("{are}, to which '{key}' does not apply");
+            let help = format!(
+                "Only values that are not in bins yet are put together and cut: leave '{key}' out"
+            );
+            return Err(mapping.fault(&place, message, help));
+        }
+        return Ok(ActionShape::whole(space));
     };
     let mut names = names.clone();
     if let Some(own) = &spec.names {

@@ -47,13 +47,10 @@ pub(in crate::storage) struct Size {
 pub(super) struct ActionsSpec {
     pub names: Option<Spanned<Vec<String>>>,
     pub keep: Option<Spanned<Vec<String>>>,
-    #[serde(default)]
-    pub combine: Combine,
+    pub combine: Option<Spanned<Combine>>,
     pub bins: Option<Spanned<usize>>,
-    #[serde(default)]
-    pub spacing: Spacing,
-    #[serde(default)]
-    pub decoding: Decoding,
+    pub spacing: Option<Spanned<Spacing>>,
+    pub decoding: Option<Spanned<Decoding>>,
     #[serde(default)]
     pub dimensions: BTreeMap<String, Spanned<DimensionSpec>>,
 }
@@ -87,16 +84,29 @@ impl ActionsSpec {
     /// What the dimension of this name becomes where several actions make one.
     pub fn combine(&self, dimension: &str) -> Combine {
         let own = self.dimensions.get(dimension);
-        own.and_then(|d| d.value.combine).unwrap_or(self.combine)
+        let own = own.and_then(|d| d.value.combine);
+        own.or(said(self.combine.as_ref())).unwrap_or_default()
+    }
+
+    /// The first key that says how continuous values are put together or cut, with its place.
+    pub fn of_values(&self) -> Option<(&'static str, Spanned<()>)> {
+        let combine = self.combine.as_ref().map(|s| ("combine", place(s)));
+        let bins = self.bins.as_ref().map(|s| ("bins", place(s)));
+        let spacing = self.spacing.as_ref().map(|s| ("spacing", place(s)));
+        let decoding = self.decoding.as_ref().map(|s| ("decoding", place(s)));
+        let dimensions = self.dimensions.values().next();
+        let dimensions = dimensions.map(|s| ("dimensions", place(s)));
+        let all = [combine, bins, spacing, decoding, dimensions];
+        all.into_iter().flatten().next()
     }
 
     pub fn binning(&self, bins: usize) -> Binning {
         let default = DimensionBinning {
-            bins: self.bins.as_ref().map_or(bins, |b| b.value),
-            spacing: self.spacing,
+            bins: said(self.bins.as_ref()).unwrap_or(bins),
+            spacing: said(self.spacing.as_ref()).unwrap_or_default(),
             low: None,
             high: None,
-            decoding: self.decoding,
+            decoding: said(self.decoding.as_ref()).unwrap_or_default(),
         };
         let own = |spec: &DimensionSpec| DimensionBinning {
             bins: spec.bins.unwrap_or(default.bins),
@@ -113,6 +123,16 @@ impl ActionsSpec {
             default,
         }
     }
+}
+
+/// What a key says, if it is given.
+fn said<T: Copy>(key: Option<&Spanned<T>>) -> Option<T> {
+    key.map(|key| key.value)
+}
+
+/// Where a value stands.
+fn place<T>(value: &Spanned<T>) -> Spanned<()> {
+    Spanned::new((), value.referenced, value.defined)
 }
 
 /// One text or a list of them.

@@ -1,7 +1,7 @@
 use std::fs;
 
 use super::*;
-use crate::trajectory::{Action, Decoding, Spacing};
+use crate::trajectory::{Action, ActionDimension, Decoding, Spacing};
 
 fn parsed(text: &str) -> Result<Mapping, StorageError> {
     Mapping::parse(Path::new("Cargo.toml.yaml"), text)
@@ -105,6 +105,39 @@ fn the_mean_and_the_first_of_several_actions() {
         let combined = shape(combine).combined(&actions).unwrap();
         assert_eq!(combined, Action::Continuous(vec![expected]), "{combine}");
     }
+}
+
+#[test]
+fn keys_of_continuous_values_are_refused_where_actions_have_classes() {
+    let names = ["left", "right"].map(str::to_owned).to_vec();
+    let dimensions = vec![ActionDimension::uniform("x", 0.0, 1.0, 3)];
+    let primitives = ActionSpace::Primitives { names };
+    let binned = ActionSpace::Binned { dimensions };
+    for (key, value) in [
+        ("combine", "sum"),
+        ("bins", "3"),
+        ("spacing", "quantiles"),
+        ("decoding", "expectation"),
+        ("dimensions", "{x: {low: 0}}"),
+    ] {
+        let mapping = sound(&format!("actions:\n  {key}: {value}\n"));
+        for space in [&primitives, &binned] {
+            let shape = mapping.shape(Path::new("a.mcap"), space);
+            let error = shape.unwrap_err().to_string();
+            let told =
+                format!(": the actions of a.mcap are {space}, to which '{key}' does not apply. ");
+            assert!(error.starts_with("Cargo.toml.yaml:3:"), "{error}");
+            assert!(error.contains(&told), "{error}");
+        }
+        assert!(
+            mapping
+                .shape(Path::new("a.mcap"), &self::names(&["x"]))
+                .is_ok()
+        );
+    }
+    let mapping = sound("every: 2");
+    let shape = mapping.shape(Path::new("a.mcap"), &binned).unwrap();
+    assert_eq!(shape.space, binned);
 }
 
 /// Every prefix of a sound file, and every file with one byte changed, gives an answer.
