@@ -197,7 +197,8 @@ fn at_rate(times: &[u64], rate_hz: f64) -> Vec<usize> {
     let (Some(first), Some(last)) = (times.first(), times.last()) else {
         return Vec::new();
     };
-    let period = 1e9 / rate_hz;
+    // Of a clock that hardly ever ticks only the last tick counts, and 0 periods of it must be 0.
+    let period = f64::min(1e9 / rate_hz, f64::MAX);
     // A clock of the same rate as the actions must not miss one by a rounding error, nor take one too early.
     let gap = typical_rate_hz(times).map_or(0.0, |hz| 1e9 / hz);
     let slack = f64::min(0.05 * period, 0.25 * gap);
@@ -250,7 +251,9 @@ mod tests {
             [0, 3, 6, 9, 12, 15, 18, 21, 24, 27, 30]
         );
         assert_eq!(at_rate(&at_30_hz, 30.0).len(), 31);
-        assert_eq!(at_rate(&at_30_hz, 0.1), [30]);
+        for slow in [0.1, 1e-300, f64::MIN_POSITIVE] {
+            assert_eq!(at_rate(&at_30_hz, slow), [30], "{slow} Hz");
+        }
         // A gap of an hour and a half.
         let with_gap = [0, 100_000_000, 5_400_000_000_000, 5_400_100_000_000];
         assert_eq!(at_rate(&with_gap, 10.0), [0, 1, 2, 3]);
