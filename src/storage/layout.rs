@@ -12,6 +12,7 @@ use super::topic::{ImageFormat, Role};
 use super::view::{View, typical_rate_hz};
 use super::{ActionReport, CameraReport, Loss, StorageError};
 use crate::trajectory::{Action, ActionSpace, CameraSpec, Marker};
+use crate::wording::{counted, listed};
 
 /// A camera topic of which an image can be decoded.
 pub(super) struct CameraTopic<'a> {
@@ -280,6 +281,21 @@ impl<'a> Layout<'a> {
             |_| Vec::new(),
             |actions| steps.values_beyond(&ranges, &actions, self.unseen(steps)),
         )
+    }
+
+    /// The subgoals after the last action, which are at no step.
+    pub fn late_subgoals(scan: &Scan, step_times: &[u64]) -> Option<String> {
+        const SHOWN: usize = 12;
+        let last = *step_times.last()?;
+        let late = scan
+            .markers()
+            .into_iter()
+            .filter(|(nanos, _)| *nanos > last);
+        let late: Vec<String> = late.map(|(_, name)| name).collect();
+        (!late.is_empty()).then(|| {
+            let (count, names) = (counted(late.len(), "subgoal"), listed(&late, SHOWN));
+            format!("{count} after the last action, and so at no step: {names}")
+        })
     }
 
     /// The markers, each at the first step at or after it.

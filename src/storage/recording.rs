@@ -139,6 +139,7 @@ fn report(
     let step_times = &step_times[unseen..];
     let mut remarks = layout.remarks(steps);
     remarks.extend(layout.silent_topics(scan));
+    remarks.extend(Layout::late_subgoals(scan, step_times));
     remarks.extend(layout.values_beyond(path, steps));
     if files > 1 {
         remarks.push(format!(

@@ -44,8 +44,8 @@ pub struct RecordingReport {
     pub losses: Vec<Loss>,
     /// What is there and not used, each with its reason.
     pub notes: Vec<String>,
-    /// How steps were chosen and aligned where that is not plain, and which values of actions lie beyond the ranges that
-    /// a mapping file gives.
+    /// How steps were chosen and aligned where that is not plain, which texts are at no step or not read, and which values
+    /// of actions lie beyond the ranges that a mapping file gives.
     pub remarks: Vec<String>,
     /// Why the recording was left out of a set of demonstrations; `None` where it was not.
     pub left_out: Option<String>,

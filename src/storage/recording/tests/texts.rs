@@ -56,3 +56,28 @@ fn the_task_on_a_topic_of_the_mapping_file_is_converted_and_that_on_another_is_n
     assert_eq!(conversion.tasks, ["fetch the cup"]);
     assert_eq!(conversion.lost, ["the topics /task"]);
 }
+
+#[test]
+fn a_subgoal_after_the_last_action_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("arm.mcap");
+    let mut texts = [
+        ("/subgoal", 100, "grasped"),
+        ("/subgoal", 250, "lifted"),
+        ("/subgoal", 301, "stowed"),
+    ];
+    write(&path, texts);
+    let looked = inspect(&path).unwrap();
+    let markers = looked.markers.iter().map(|m| (m.step, m.name.as_str()));
+    assert_eq!(markers.collect::<Vec<_>>(), [(1, "grasped"), (3, "lifted")]);
+    assert_eq!(
+        looked.remarks,
+        ["1 subgoal after the last action, and so at no step: stowed"]
+    );
+    assert_eq!(read_trajectory(&path).unwrap().report, looked);
+    texts[2].1 = 300;
+    write(&path, texts);
+    let looked = inspect(&path).unwrap();
+    assert_eq!(looked.markers.len(), 3);
+    assert!(looked.remarks.is_empty(), "{:?}", looked.remarks);
+}
