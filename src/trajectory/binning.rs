@@ -61,6 +61,28 @@ impl DimensionBinning {
             decoding: Decoding::Centre,
         }
     }
+
+    /// Both ends of the range over recorded values, which are finite and sorted.
+    fn range(&self, sorted: &[f32]) -> (f32, f32) {
+        let low = self.low.or(sorted.first().copied());
+        let high = self.high.or(sorted.last().copied());
+        (low.unwrap_or(0.0), high.unwrap_or(0.0))
+    }
+
+    /// Refuses a range that ends before it begins.
+    fn check(&self, dimension: &str, sorted: &[f32]) -> Result<(), TrajectoryError> {
+        let (low, high) = self.range(sorted);
+        match (sorted.first(), sorted.last()) {
+            (Some(least), Some(greatest)) if high < low => Err(TrajectoryError::EmptyRange {
+                dimension: dimension.to_owned(),
+                low,
+                high,
+                least: *least,
+                greatest: *greatest,
+            }),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// How continuous actions are cut into bins.
@@ -132,16 +154,13 @@ impl ActionDimension {
         }
     }
 
-    /// Cuts the recorded values of a dimension; what is not finite is passed over.
-    fn cut(name: &str, values: impl Iterator<Item = f32>, binning: &DimensionBinning) -> Self {
-        let mut sorted: Vec<f32> = values.filter(|v| v.is_finite()).collect();
-        sorted.sort_by(f32::total_cmp);
-        let low = binning.low.or(sorted.first().copied()).unwrap_or(0.0);
-        let high = binning.high.or(sorted.last().copied()).unwrap_or(0.0);
+    /// Cuts the recorded values of a dimension, which are finite and sorted.
+    fn cut(name: &str, sorted: &[f32], binning: &DimensionBinning) -> Self {
+        let (low, high) = binning.range(sorted);
         let mut dimension = Self::uniform(name, low, high.max(low), binning.bins.max(1));
         dimension.decoding = binning.decoding;
         if binning.spacing == Spacing::Quantiles {
-            dimension.cut_by_quantiles(&sorted);
+            dimension.cut_by_quantiles(sorted);
         }
         dimension
     }
@@ -254,7 +273,10 @@ impl ActionSpace {
     #[must_use]
     pub fn binned<'a>(&self, actions: impl Iterator<Item = &'a Action>, bins: usize) -> Self {
         match self {
-            Self::Continuous { names } => cut_all(names, actions, &Binning::uniform(bins)),
+            Self::Continuous { names } => {
+                let columns = sorted_columns(names.len(), actions);
+                cut_all(names, &columns, &Binning::uniform(bins))
+            }
             _ => self.clone(),
         }
     }
@@ -263,7 +285,8 @@ impl ActionSpace {
     /// have classes already stay as they are.
     ///
     /// # Errors
-    /// [`TrajectoryError::UnknownDimension`] when `binning` names a dimension that there is not.
+    /// [`TrajectoryError::UnknownDimension`] when `binning` names a dimension that there is not,
+    /// [`TrajectoryError::EmptyRange`] when a range of which it gives one end lies below all recorded values, or above.
     pub fn binned_by<'a>(
         &self,
         actions: impl Iterator<Item = &'a Action>,
@@ -272,13 +295,17 @@ impl ActionSpace {
         let Self::Continuous { names } = self else {
             return Ok(self.clone());
         };
-        match binning.dimensions.keys().find(|k| !names.contains(k)) {
-            Some(unknown) => Err(TrajectoryError::UnknownDimension {
+        if let Some(unknown) = binning.dimensions.keys().find(|k| !names.contains(k)) {
+            return Err(TrajectoryError::UnknownDimension {
                 found: unknown.clone(),
                 known: names.join(", "),
-            }),
-            None => Ok(cut_all(names, actions, binning)),
+            });
         }
+        let columns = sorted_columns(names.len(), actions);
+        for (name, sorted) in names.iter().zip(&columns) {
+            binning.of(name).check(name, sorted)?;
+        }
+        Ok(cut_all(names, &columns, binning))
     }
 
     /// The action that a policy's probabilities mean, one list a head: of motion primitives the most
@@ -346,23 +373,32 @@ impl ActionSpace {
     }
 }
 
-fn cut_all<'a>(
-    names: &[String],
+/// The recorded values of each dimension, sorted; what is not finite is passed over.
+fn sorted_columns<'a>(
+    dimensions: usize,
     actions: impl Iterator<Item = &'a Action>,
-    binning: &Binning,
-) -> ActionSpace {
-    let mut columns = vec![Vec::new(); names.len()];
+) -> Vec<Vec<f32>> {
+    let mut columns = vec![Vec::new(); dimensions];
     for action in actions {
         if let Action::Continuous(values) = action {
             for (column, value) in columns.iter_mut().zip(values) {
-                column.push(*value);
+                if value.is_finite() {
+                    column.push(*value);
+                }
             }
         }
     }
+    for column in &mut columns {
+        column.sort_by(f32::total_cmp);
+    }
+    columns
+}
+
+fn cut_all(names: &[String], columns: &[Vec<f32>], binning: &Binning) -> ActionSpace {
     let dimensions = names
         .iter()
         .zip(columns)
-        .map(|(name, values)| ActionDimension::cut(name, values.into_iter(), binning.of(name)))
+        .map(|(name, sorted)| ActionDimension::cut(name, sorted, binning.of(name)))
         .collect();
     ActionSpace::Binned { dimensions }
 }
@@ -456,6 +492,39 @@ mod tests {
         assert_eq!((x.low, x.high), (-1.0, 1.0));
         assert_eq!(x.bin(7.0), 3);
         assert_eq!(x.centre(3), 0.75);
+    }
+
+    #[test]
+    fn a_range_that_ends_before_it_begins_is_refused_with_its_dimension() {
+        let told = |values: &[f32], low, high| {
+            let space = ActionSpace::Continuous {
+                names: vec!["x".to_owned()],
+            };
+            let mut binning = Binning::uniform(4);
+            binning.default.low = low;
+            binning.default.high = high;
+            let cut = space.binned_by(actions(values).iter(), &binning);
+            cut.err().map(|e| e.to_string())
+        };
+        let values = [2.0, f32::NAN, 3.0];
+        assert_eq!(
+            told(&values, None, Some(1.0)).as_deref(),
+            Some(
+                "the range of 'x' is empty: 2 to 1, while its values are from 2 to 3. Give a range that they lie in, or \
+                 both of its ends"
+            )
+        );
+        let above = told(&values, Some(4.0), None).unwrap();
+        assert!(above.contains("'x' is empty: 4 to 3,"), "{above}");
+        for (low, high) in [
+            (None, None),
+            (None, Some(2.0)),
+            (Some(3.0), None),
+            (Some(-1.0), Some(1.0)),
+        ] {
+            assert_eq!(told(&values, low, high), None, "{low:?} {high:?}");
+        }
+        assert_eq!(told(&[], None, Some(-1.0)), None, "nothing is recorded");
     }
 
     #[test]

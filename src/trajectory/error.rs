@@ -42,6 +42,23 @@ pub enum TrajectoryError {
         /// The dimensions, separated by commas.
         known: String,
     },
+    /// A range for a dimension that ends before it begins, where the recorded values give the end that is not given.
+    #[error(
+        "the range of '{dimension}' is empty: {low} to {high}, while its values are from {least} to {greatest}. Give a \
+         range that they lie in, or both of its ends"
+    )]
+    EmptyRange {
+        /// The dimension.
+        dimension: String,
+        /// The lower end: the one that is given, or else the least value.
+        low: f32,
+        /// The upper end: the one that is given, or else the greatest value.
+        high: f32,
+        /// The least recorded value.
+        least: f32,
+        /// The greatest recorded value.
+        greatest: f32,
+    },
     /// Trajectories that were put into one set do not agree.
     #[error("trajectory '{trajectory}' has {found}, the others of the set have {expected}")]
     SetDisagrees {
