@@ -196,23 +196,22 @@ fn cell_file(out: &Path, method: &Method, demonstrations: usize, engine: &str) -
 
 /// Makes the table of all cells that are there, whichever call measured them.
 fn draw(out: &Path, demonstrations: &[usize]) -> Result<(), CliError> {
-    let files = rows(&TABLE_1, demonstrations)
-        .into_iter()
-        .flat_map(|(method, number)| {
-            ENGINES.map(|(engine, _)| cell_file(out, &method, number, engine))
-        });
     let mut cells: Vec<TimeCell> = Vec::new();
-    for file in files {
-        cells.extend(kept(&file)?);
+    for method in &TABLE_1 {
+        for number in demonstrations {
+            for (engine, _) in ENGINES {
+                cells.extend(kept(&cell_file(out, method, *number, engine))?);
+            }
+        }
     }
     let table = table(demonstrations, &cells);
     keep_text(&out.join("table.md"), table.as_bytes())?;
-    plot::draw(out, &rows(&TABLE_1, demonstrations), &cells)?;
+    plot::draw(out, &drawn(demonstrations, &cells), &cells)?;
     println!("\n{table}\nin {}", out.display());
     Ok(())
 }
 
-/// Ours on each graph, whose size makes its time; the others once, on the last number of demonstrations.
+/// What is measured: ours on each graph, whose size makes its time; the others on the last number of demonstrations.
 fn rows(methods: &[Method], demonstrations: &[usize]) -> Vec<(Method, usize)> {
     let last = demonstrations.last().copied().unwrap_or(10);
     let of = |method: &Method| -> Vec<(Method, usize)> {
@@ -224,6 +223,25 @@ fn rows(methods: &[Method], demonstrations: &[usize]) -> Vec<(Method, usize)> {
         numbers.iter().map(|n| (*method, *n)).collect()
     };
     methods.iter().flat_map(of).collect()
+}
+
+/// The rows of the table: those that would be measured, but of the others each number of demonstrations that some call
+/// measured them on.
+fn drawn(demonstrations: &[usize], cells: &[TimeCell]) -> Vec<(Method, usize)> {
+    let of = |method: &Method| -> Vec<(Method, usize)> {
+        let is_measured = |number: &&usize| {
+            let is_of = |c: &TimeCell| c.method == method.name && c.demonstrations == **number;
+            cells.iter().any(is_of)
+        };
+        let measured = demonstrations.iter().filter(is_measured);
+        let measured: Vec<(Method, usize)> = measured.map(|number| (*method, *number)).collect();
+        if *method == OURS || measured.is_empty() {
+            rows(std::slice::from_ref(method), demonstrations)
+        } else {
+            measured
+        }
+    };
+    TABLE_1.iter().flat_map(of).collect()
 }
 
 /// The milliseconds that the paper has of a method with so many demonstrations.
@@ -240,8 +258,8 @@ fn table(demonstrations: &[usize], cells: &[TimeCell]) -> String {
         let _ = write!(table, " {described} |");
     }
     table.push_str(" paper, on a NUC |\n|---|---|---|---|\n");
-    for (method, number) in rows(&TABLE_1, demonstrations) {
-        let described = if method == OURS {
+    for (method, number) in drawn(demonstrations, cells) {
+        let described = if method == OURS || demonstrations.last() != Some(&number) {
             format!("{}, {number} demonstrations", method.described)
         } else {
             method.described.to_owned()
@@ -267,7 +285,7 @@ fn table(demonstrations: &[usize], cells: &[TimeCell]) -> String {
 mod tests {
     use super::*;
     use crate::cli::experiment::committed::{assert_kept, root, unflagged};
-    use crate::cli::experiment::method::MVP;
+    use crate::cli::experiment::method::{BC, MVP};
 
     #[test]
     fn committed_cells_count_as_finished() {
@@ -357,6 +375,31 @@ mod tests {
             lines[3]
         );
         assert!(lines[4].starts_with("| BC | not measured |"));
+    }
+
+    #[test]
+    fn a_baseline_that_was_measured_on_fewer_demonstrations_than_usual_is_seen_and_says_so() {
+        let place = tempfile::tempdir().unwrap();
+        let of_10 = TimeCell {
+            demonstrations: 10,
+            ..cell("bc")
+        };
+        let file = cell_file(place.path(), &BC, 10, "native");
+        keep(&file, &of_10).unwrap();
+        draw(place.path(), &[10, 30]).unwrap();
+        let [table_of_file, svg] = ["table.md", "table2.svg"]
+            .map(|name| std::fs::read_to_string(place.path().join(name)).unwrap());
+        let row = "| BC, 10 demonstrations | **4.2** (9.0) | not measured | 8 |";
+        assert!(table_of_file.contains(row), "{table_of_file}");
+        assert!(!table_of_file.contains("| BC |"), "{table_of_file}");
+        assert!(svg.contains("BC, 10 demonstrations"), "{svg}");
+
+        // One that was measured on the usual number is the row without a number.
+        let both = table(&[10, 30], &[of_10, cell("bc")]);
+        assert!(both.contains(row), "{both}");
+        assert!(both.contains("| BC | **4.2** (9.0) |"), "{both}");
+        let usual = table(&[10, 30], &[cell("bc")]);
+        assert!(!usual.contains("| BC, "), "{usual}");
     }
 
     #[test]
