@@ -277,6 +277,17 @@ pub(super) enum CliError {
         /// What it said where that was not shown already.
         said: String,
     },
+    /// Cells of an experiment could not be measured; why was said of each.
+    #[error(
+        "{failed} of {all} cells could not be measured, as said above; mend that and call the experiment again, what is \
+         finished is kept"
+    )]
+    CellsFailed {
+        /// How many failed.
+        failed: usize,
+        /// How many were to be measured.
+        all: usize,
+    },
     /// A frozen encoder without the baseline that wants one.
     #[error(
         "--frozen-encoder is for --method mvp; our model trains its own encoder, so leave it out"

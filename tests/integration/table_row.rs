@@ -1,8 +1,10 @@
 //! A row of the paper's tables from nothing.
 
 use std::fs;
+use std::path::Path;
+use std::process::Command;
 
-use crate::command::{path, succeeded};
+use crate::command::{path, root, succeeded, text};
 use crate::experiments::{cell, ensure_named};
 
 /// Behaviour cloning with hardly any recordings, steps and episodes.
@@ -75,8 +77,36 @@ fn a_row_is_recorded_trained_measured_and_drawn_and_other_experiments_take_its_n
         ensure_named(&file, command);
         assert_eq!(cell(&file)["is_quick"], true, "{name}");
     }
+    ensure_failures_told(folder.path());
     for experiment in ["table1", "table2", "fig6"] {
         let table = read(&format!("{experiment}/table.md"));
         assert!(table.starts_with("small version"), "{table}");
     }
+}
+
+/// A step that cannot be timed with one engine is timed with the other, and is no success.
+fn ensure_failures_told(folder: &Path) {
+    let out = folder.join("failing");
+    let work = folder.join("work");
+    let places = ["--work", path(&work), "--out", path(&out)];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_catena"));
+    command
+        .args(["experiment", "table2"])
+        .args(LITTLE)
+        .args(places);
+    let output = command
+        .current_dir(root())
+        .env("ORT_DYLIB_PATH", "/nowhere/libonnxruntime.so")
+        .output()
+        .expect("the command starts");
+    let said = text(&output.stderr);
+    assert!(!output.status.success(), "{said}");
+    assert!(
+        said.contains("BC with ONNX Runtime: not measured") && said.contains("1 of 2 cells"),
+        "{said}"
+    );
+    assert!(out.join("bc_2_embedded.json").is_file(), "{said}");
+    assert!(!out.join("bc_2_native.json").exists(), "{said}");
+    let table = fs::read_to_string(out.join("table.md")).expect("a table");
+    assert!(table.contains("| BC | not measured | **"), "{table}");
 }

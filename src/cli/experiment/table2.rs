@@ -18,6 +18,7 @@ use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::cli::recipe::{Ingredient, Recipe};
 use crate::cli::training_config::training_commit;
 use crate::experiment::Evaluation;
+use crate::inference::{Engine, EngineChoice, InferenceError};
 
 const NAME: &str = "table2";
 /// Numbers of demonstrations of the whole table.
@@ -69,6 +70,17 @@ struct TimeCell {
     is_quick: bool,
 }
 
+/// A cell that is not there yet.
+struct Job {
+    method: Method,
+    demonstrations: usize,
+    /// As `--engine` names it.
+    engine: &'static str,
+    /// What the engine is.
+    described: &'static str,
+    missing: Missing,
+}
+
 /// `catena experiment table2`: one episode at a time, as on a robot.
 pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(), CliError> {
     let size = table_size(paper);
@@ -76,13 +88,13 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
     let mut workshop = Workshop::open(paper, arguments)?;
     workshop.one_after_the_other();
     let methods = chosen(&TABLE_1, &paper.methods)?;
-    let mut cells = Vec::new();
     let measured = if paper.only_draw {
         Vec::new()
     } else {
         rows(&methods, &size.demonstrations)
     };
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut jobs = Vec::new();
     for (method, demonstrations) in measured {
         if !workshop.can_train(&method) {
             continue;
@@ -93,44 +105,83 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
             let file = cell_file(&out, &method, demonstrations, engine);
             let recipe = || recipe(&workshop, (&method, demonstrations), &size, engine, cores);
             let missing = workshop.missing::<TimeCell>(file, digest, recipe)?;
-            cells.extend(missing.map(|cell| (method, demonstrations, engine, described, cell)));
+            jobs.extend(missing.map(|missing| Job {
+                method,
+                demonstrations,
+                engine,
+                described,
+                missing,
+            }));
         }
     }
-    for (method, demonstrations, engine, described, Missing { file, digest }) in cells {
-        let seed = size.training_seed;
-        let trained = workshop.trained(&method, demonstrations, &size, seed, true)?;
-        let command = evaluation(&method, &trained, TASK, &size);
-        let found: Evaluation = match workshop.json(&trained, &command, Some(engine)) {
-            Ok(found) => found,
-            Err(error) => {
-                println!("{described}: not measured: {error}");
-                continue;
-            }
-        };
-        let cell = TimeCell {
-            method: method.name.to_owned(),
-            demonstrations,
-            engine: engine.to_owned(),
-            step_median_ms: found.step_median_ms,
-            step_p99_ms: found.step_p99_ms,
-            steps: found.results.iter().map(|r| r.steps).sum(),
-            cores,
-            digest,
-            commands: vec![workshop.shown(&trained, &command, Some(engine))],
-            commit: workshop.commit.clone(),
-            training_commit: training_commit(&trained.run),
-            seed: Some(size.seed),
-            digests: workshop.digests(&method, &trained)?,
-            is_quick: size.is_quick,
-        };
-        keep(&file, &cell)?;
+    leave_out_what_is_not_here(&mut jobs);
+    let all = jobs.len();
+    let mut failed = 0;
+    for job in jobs {
+        failed += usize::from(!job.measure(&workshop, &size, cores)?);
     }
     // What is missing of the whole table is said; a small version has no whole.
     let whole: &[usize] = if size.is_quick { &[] } else { &DEMONSTRATIONS };
     let mut numbers = [whole, &size.demonstrations].concat();
     numbers.sort_unstable();
     numbers.dedup();
-    draw(&out, &numbers)
+    draw(&out, &numbers)?;
+    if failed > 0 {
+        return Err(CliError::CellsFailed { failed, all });
+    }
+    Ok(())
+}
+
+/// Leaves out what ONNX Runtime is to compute on a machine that has none, and says so. One that is named and cannot be
+/// used is left for the measurement to refuse.
+fn leave_out_what_is_not_here(jobs: &mut Vec<Job>) {
+    let [(native, described), _] = ENGINES;
+    if jobs.iter().all(|job| job.engine != native) {
+        return;
+    }
+    if let Err(error @ InferenceError::NativeMissing { .. }) = Engine::select(EngineChoice::Native)
+    {
+        println!("{described}: left out: {error}");
+        jobs.retain(|job| job.engine != native);
+    }
+}
+
+impl Job {
+    /// Trains the method and measures its step; whether that could be done. Where not, it says why.
+    fn measure(self, workshop: &Workshop<'_>, size: &Size, cores: usize) -> Result<bool, CliError> {
+        let (method, demonstrations) = (&self.method, self.demonstrations);
+        let seed = size.training_seed;
+        let trained = workshop.trained(method, demonstrations, size, seed, true)?;
+        let command = evaluation(method, &trained, TASK, size);
+        let found: Evaluation = match workshop.json(&trained, &command, Some(self.engine)) {
+            Ok(found) => found,
+            Err(error) => {
+                eprintln!(
+                    "{} with {}: not measured: {error}",
+                    method.described, self.described
+                );
+                return Ok(false);
+            }
+        };
+        let cell = TimeCell {
+            method: method.name.to_owned(),
+            demonstrations,
+            engine: self.engine.to_owned(),
+            step_median_ms: found.step_median_ms,
+            step_p99_ms: found.step_p99_ms,
+            steps: found.results.iter().map(|r| r.steps).sum(),
+            cores,
+            digest: self.missing.digest,
+            commands: vec![workshop.shown(&trained, &command, Some(self.engine))],
+            commit: workshop.commit.clone(),
+            training_commit: training_commit(&trained.run),
+            seed: Some(size.seed),
+            digests: workshop.digests(method, &trained)?,
+            is_quick: size.is_quick,
+        };
+        keep(&self.missing.file, &cell)?;
+        Ok(true)
+    }
 }
 
 /// How large the table is: of hardly any training.
