@@ -215,6 +215,16 @@ pub(super) enum CliError {
         /// What there is.
         known: String,
     },
+    /// A flag that an experiment has no use for.
+    #[error("{flag} changes nothing in {experiment}: leave it out; it is for {heeding}")]
+    FlagOfOthers {
+        /// The flag.
+        flag: &'static str,
+        /// The experiment.
+        experiment: &'static str,
+        /// Those that heed it, separated by commas.
+        heeding: String,
+    },
     /// Several numbers of demonstrations for an experiment that has one.
     #[error(
         "{experiment} is made of one number of demonstrations, found --demonstrations {found}: make a call for each, \

@@ -8,6 +8,7 @@ mod digests;
 mod figure5;
 mod figure6;
 mod given;
+mod heeded;
 mod hold;
 mod ingredients;
 mod method;

@@ -256,6 +256,23 @@ fn other_recordings_are_another_training_and_replace_nothing_unasked() {
 }
 
 #[test]
+fn a_flag_that_an_experiment_has_no_use_for_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flags = [
+        ("table2", "--episodes", "3"),
+        ("table3", "--baseline-steps", "3"),
+        ("fig5", "--seed", "3"),
+        ("fig6", "--frozen-encoder", "encoder.onnx"),
+    ];
+    for (name, flag, value) in flags {
+        let output = experiment(folder.path(), &[name, "--only-draw", flag, value]);
+        let said = text(&output.stderr);
+        assert!(!output.status.success(), "{name} {flag}: {said}");
+        assert!(said.contains(flag) && said.contains("table1"), "{said}");
+    }
+}
+
+#[test]
 fn an_experiment_takes_bags_as_wholes() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);

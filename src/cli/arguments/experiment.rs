@@ -37,27 +37,28 @@ pub struct PaperArguments {
     /// Only these numbers of demonstrations of each task.
     #[arg(long, value_delimiter = ',', value_parser = positive)]
     pub demonstrations: Vec<usize>,
-    /// Episodes of each method and task.
+    /// Episodes of each method and task; not of `table2`, which times one, nor of `fig5`, which has none.
     #[arg(long, value_parser = positive)]
     pub episodes: Option<usize>,
-    /// Seed of the first episode; the others follow one by one.
-    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(..=LARGEST_FIRST_SEED))]
-    pub seed: u64,
+    /// Seed of the first episode, by default 100; the others follow one by one. Not of `fig5`, which has no episodes.
+    #[arg(long, value_parser = clap::value_parser!(u64).range(..=LARGEST_FIRST_SEED))]
+    pub seed: Option<u64>,
     /// Seed of the trainings, the first of several.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=LARGEST_FIRST_SEED))]
     pub training_seed: u64,
     /// Steps of training of our way and its variants.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     pub steps: Option<u64>,
-    /// Steps of training of the baselines at most; they stop earlier where nothing gets better.
+    /// Steps of training of the baselines at most; they stop earlier where nothing gets better. `table3` and `fig5`
+    /// have no baselines.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     pub baseline_steps: Option<u64>,
     /// Folder with recordings of each task (`DIR/sock` and so on), of which the first are taken; by default
     /// they are recorded.
     #[arg(long, value_name = "DIR")]
     pub demos: Option<PathBuf>,
-    /// An image encoder in ONNX that somebody else trained, for the baseline `mvp`; without one it is left
-    /// out.
+    /// An image encoder in ONNX that somebody else trained, for the baseline `mvp` of `table1` and `table2`;
+    /// without one it is left out.
     #[arg(long, value_name = "FILE")]
     pub frozen_encoder: Option<PathBuf>,
     /// Where recordings, models and graphs go, which are large.

@@ -27,13 +27,18 @@ fn parsed(words: &[&str]) -> ExperimentCommand {
 
 /// The arguments of an experiment of the paper that is given no flags.
 pub(super) fn unflagged(name: &str) -> PaperArguments {
-    match parsed(&[name]) {
+    paper_arguments(&[name])
+}
+
+/// The arguments of an experiment of the paper that is called with these words.
+pub(super) fn paper_arguments(words: &[&str]) -> PaperArguments {
+    match parsed(words) {
         ExperimentCommand::Table1(paper)
         | ExperimentCommand::Table2(paper)
         | ExperimentCommand::Table3(paper)
         | ExperimentCommand::Fig5(paper)
         | ExperimentCommand::Fig6(paper) => paper,
-        ExperimentCommand::Chaining(_) => panic!("{name} is not of the paper"),
+        ExperimentCommand::Chaining(_) => panic!("{words:?} is not of the paper"),
     }
 }
 

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::digests::RECORDINGS_UNNAMED;
+use super::heeded::ensure_heeded;
 use super::ingredients::Ingredients;
 use super::method::{Method, TABLE_3, chosen};
 use super::plan::{Size, digest, out, training_command, with_note, with_version};
@@ -24,6 +25,7 @@ const SEEDS: u64 = 3;
 
 /// `catena experiment fig5`.
 pub(super) fn figure_5(paper: &PaperArguments, arguments: &Arguments) -> Result<(), CliError> {
+    ensure_heeded(NAME, paper)?;
     let size = Size::new(paper, &[DEMONSTRATIONS], SEEDS);
     let demonstrations = size.only_number(NAME)?;
     let methods = chosen(&TABLE_3, &paper.methods)?;

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::digests::{Digests, RECORDINGS_UNNAMED};
+use super::heeded::ensure_heeded;
 use super::ingredients::Ingredients;
 use super::method::{BC, Method, OURS, chosen};
 use super::plan::{Size, digest, out, training_command, with_note};
@@ -117,6 +118,7 @@ struct CertaintyCell {
 
 /// `catena experiment fig6`.
 pub(super) fn figure_6(paper: &PaperArguments, arguments: &Arguments) -> Result<(), CliError> {
+    ensure_heeded(NAME, paper)?;
     let size = Size::new(paper, &[DEMONSTRATIONS], 1);
     let demonstrations = size.only_number(NAME)?;
     let out = out(paper, NAME)?;

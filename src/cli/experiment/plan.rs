@@ -33,6 +33,8 @@ pub(super) struct Size {
 const STEPS: u64 = 4_400;
 const BASELINE_STEPS: u64 = 4_000;
 const EPISODES: usize = 100;
+/// Seed of the first episode.
+const SEED: u64 = 100;
 /// What fits into 20 minutes on 2 cores.
 const QUICK_STEPS: u64 = 200;
 const QUICK_EPISODES: usize = 4;
@@ -59,7 +61,7 @@ impl Size {
                 rising(&arguments.demonstrations)
             },
             episodes: episodes(arguments.episodes, quick),
-            seed: arguments.seed,
+            seed: arguments.seed.unwrap_or(SEED),
             training_seed: arguments.training_seed,
             seeds: if quick { 1 } else { seeds },
             steps: arguments.steps.unwrap_or(steps),

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::heeded::ensure_heeded;
 use super::ingredients::Ingredients;
 use super::method::{Method, TABLE_1, TABLE_3, chosen};
 use super::plan::{Size, digest, out, rising, training_command, with_note, with_version};
@@ -66,6 +67,7 @@ impl Table {
     }
 
     fn make(&self, paper: &PaperArguments, arguments: &Arguments) -> Result<(), CliError> {
+        ensure_heeded(self.name, paper)?;
         let size = self.size(paper);
         let methods = chosen(self.methods, &paper.methods)?;
         let out = out(paper, self.name)?;

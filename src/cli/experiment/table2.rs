@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::digests::{Digests, RECORDINGS_UNNAMED};
+use super::heeded::ensure_heeded;
 use super::ingredients::Ingredients;
 use super::method::{Method, OURS, TABLE_1, chosen};
 use super::plan::{Size, digest, out, with_note};
@@ -83,6 +84,7 @@ struct Job {
 
 /// `catena experiment table2`: one episode at a time, as on a robot.
 pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(), CliError> {
+    ensure_heeded(NAME, paper)?;
     let size = table_size(paper);
     let out = out(paper, NAME)?;
     let mut workshop = Workshop::open(paper, arguments)?;
