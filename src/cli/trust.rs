@@ -25,7 +25,13 @@ pub(super) fn trust(
 ) -> Result<(), CliError> {
     let file = trust_arguments.file.to_string_lossy();
     let composition = composed(&file, &arguments.root)?;
-    let (tasks, folders) = (&composition.tasks, &trust_arguments.demos);
+    // A task that is done several times has one graph.
+    let is_done = |task: &&ResolvedTask| {
+        let mut done = composition.tasks.iter();
+        done.any(|of_order| of_order.task.name == task.task.name)
+    };
+    let tasks: Vec<&ResolvedTask> = composition.all_tasks().filter(is_done).collect();
+    let folders = &trust_arguments.demos;
     if tasks.len() != folders.len() {
         return Err(CliError::FoldersOfTasks {
             tasks: tasks
@@ -40,7 +46,7 @@ pub(super) fn trust(
     let model = Model::load(&composition.model, arguments.engine.into())?;
     let mut graphs = Vec::new();
     let mut replays = Vec::new();
-    for (task, folder) in tasks.iter().zip(folders) {
+    for (task, folder) in tasks.into_iter().zip(folders) {
         let (graph, more) = replayed_graph(task, folder, &model)?;
         graphs.push(graph);
         replays.extend(more);

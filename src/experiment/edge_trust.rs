@@ -197,6 +197,7 @@ mod tests {
     use crate::graph::{Edge, PruneOptions};
     use crate::planner::{EdgeChoice, PlannerOptions};
     use crate::simulator::{Bedroom, BedroomConfig, BedroomTask, demonstrate};
+    use crate::task::Task;
     use crate::trajectory::Trajectory;
 
     /// Three demonstrations that succeed, with their replays.
@@ -229,10 +230,8 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_wormhole_is_found_and_support_keeps_plans_out_of_it() {
-        let (trajectories, replays) = shown();
-        let wine = task("wine", BedroomTask::Wine.subgoals());
+    /// A graph of demonstrations without any learned edge, and the states of each.
+    fn graph_of(trajectories: &[Trajectory], task: &Task) -> (TopologicalGraph, Vec<Vec<NodeId>>) {
         let mut graph = TopologicalGraph::new(1, 5);
         let mut ids = Vec::new();
         for (k, trajectory) in trajectories.iter().enumerate() {
@@ -241,12 +240,40 @@ mod tests {
             let reached: Vec<usize> = trajectory.markers.iter().map(|m| m.step).collect();
             ids.push(add_demonstration(
                 &mut graph,
-                &wine,
+                task,
                 &trajectory.id,
                 &latents,
                 &reached,
             ));
         }
+        (graph, ids)
+    }
+
+    #[test]
+    fn at_the_seam_of_a_task_with_itself_it_is_still_to_be_done() {
+        let (trajectories, replays) = shown();
+        let wine = task("wine", BedroomTask::Wine.subgoals());
+        let (mut graph, ids) = graph_of(&trajectories, &wine);
+        let end = *ids[0].last().expect("a state");
+        let kinds = [
+            (EdgeKind::CrossTask, ids[1][0]),
+            (EdgeKind::Learned, ids[2][0]),
+        ];
+        for (kind, start) in kinds {
+            let sure = Edge::predicted(kind, &[0.96, 0.01, 0.01, 0.01, 0.01]);
+            graph.add_edge(end, start, sure);
+        }
+        let truth = GraphTruth::new(&graph, &replays).expect("all of it was replayed");
+        let [again, back] = kinds.map(|(_, start)| truth.edges[&(end, start)].wide);
+        assert!(again.is_some(), "the tissue lies there again");
+        assert_eq!(back, None, "nobody takes it off the spill");
+    }
+
+    #[test]
+    fn a_wormhole_is_found_and_support_keeps_plans_out_of_it() {
+        let (trajectories, replays) = shown();
+        let wine = task("wine", BedroomTask::Wine.subgoals());
+        let (mut graph, ids) = graph_of(&trajectories, &wine);
         let grasp = trajectories[1].markers[0].step;
         let sure = Edge::predicted(EdgeKind::Learned, &[0.96, 0.01, 0.01, 0.01, 0.01]);
         // From the start of the first to just before the grasp of the second.

@@ -53,11 +53,16 @@ impl<'a> GraphTruth<'a> {
             .into_par_iter()
             .map(|(from, to, kind, claimed)| {
                 let (a, b) = (truth.state(from), truth.state(to));
+                // A task that is done several times has a seam with itself.
+                let steps = |truth: &TrueSteps<'_>| match kind {
+                    EdgeKind::CrossTask => truth.across_seam(a, b),
+                    EdgeKind::Temporal | EdgeKind::Learned => truth.between(a, b),
+                };
                 let found = EdgeTruth {
                     kind,
                     claimed,
-                    wide: truth.wide.between(a, b),
-                    narrow: truth.narrow.between(a, b),
+                    wide: steps(&truth.wide),
+                    narrow: steps(&truth.narrow),
                 };
                 ((from, to), found)
             })

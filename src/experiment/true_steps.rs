@@ -46,9 +46,9 @@ pub(super) struct Leg {
 /// that is in the bin ought to stand on the shelf) has no number of steps. A thing that has not been moved
 /// from its place can be taken and let go by the fingers alone, and whatever B's task is not about can be dropped.
 ///
-/// Where A is of another task, what B's task is about is taken to be as at the start of B's recording: a composition
-/// begins a task that is still to be done, and what some recording of another task found there by chance says
-/// nothing about the way.
+/// Where A is of another task, or of the same one when it was done before, what B's task is about is taken to be as at
+/// the start of B's recording: a composition begins a task that is still to be done, and what some recording of
+/// another task found there by chance says nothing about the way.
 ///
 /// The number is a lower bound but for things that are pushed on the way: nothing is ever in the way, everything that
 /// is grasped is held, and nobody hesitates. So an edge is false where this number is `d_max` or more.
@@ -72,18 +72,35 @@ impl<'a> TrueSteps<'a> {
         self.replays
     }
 
-    /// Steps from one state to another, at least 1; `None` where no number of steps leads there.
+    /// Steps from one state to another, at least 1; `None` where no number of steps leads there. States of one task are
+    /// of one time that it is done.
     ///
     /// # Panics
     /// If a state is not in the recordings.
     #[must_use]
     pub fn between(&self, from: RecordedState, to: RecordedState) -> Option<u32> {
         let (source, target) = (&self.replays[from.replay], &self.replays[to.replay]);
-        let mut here = source.insights[from.step];
         if source.task != target.task {
-            here = begins(&here, &target.insights[0]);
+            return self.across_seam(from, to);
         }
-        self.way(&here, to).map(|(steps, _)| steps.max(1))
+        self.steps(&source.insights[from.step], to)
+    }
+
+    /// The same to a state of the task that is done next, which may be the same task once more: that is still to be
+    /// done, too.
+    ///
+    /// # Panics
+    /// If a state is not in the recordings.
+    #[must_use]
+    pub fn across_seam(&self, from: RecordedState, to: RecordedState) -> Option<u32> {
+        let (source, target) = (&self.replays[from.replay], &self.replays[to.replay]);
+        let here = begins(&source.insights[from.step], &target.insights[0]);
+        self.steps(&here, to)
+    }
+
+    /// Steps from what is the case to a state, at least 1.
+    fn steps(&self, here: &Insight, to: RecordedState) -> Option<u32> {
+        self.way(here, to).map(|(steps, _)| steps.max(1))
     }
 
     /// The shortest way from what is the case to a state, and its parts.
@@ -364,8 +381,10 @@ mod tests {
         let ends: Vec<usize> = replays.iter().map(|r| r.insights.len() - 1).collect();
         let done = truth.between(state(0, 0), state(1, ends[1]));
         assert!(done.is_some_and(|s| s > 15), "{done:?}");
-        // Nobody takes the can out of the bin.
-        assert_eq!(truth.between(state(0, ends[0]), state(1, 0)), None);
+        // Nobody takes the can out of the bin, but where the task is done once more there is one on the shelf.
+        let (end, start) = (state(0, ends[0]), state(1, 0));
+        assert_eq!(truth.between(end, start), None);
+        assert!(truth.across_seam(end, start).is_some());
         let near = truth.between(state(0, ends[0]), state(1, ends[1]));
         assert!(near.is_some_and(|s| s < 15), "{near:?}");
     }

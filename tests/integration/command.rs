@@ -441,6 +441,25 @@ fn gaps_name_every_seam_with_its_near_misses_and_the_demonstration_to_record() {
 }
 
 #[test]
+fn a_task_that_is_done_twice_is_judged_on_one_folder_of_recordings() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("twice.yaml");
+    let yaml =
+        "name: twice\nmodel: graphs/bedroom/model\ndo:\n  - repeat: {times: 2, do: [trash]}\n";
+    fs::write(&file, yaml).expect("written");
+    let refused = |recordings: &[&str]| {
+        let words = ["graph", "trust", path(&file), "--demos"];
+        let output = catena(&[&words[..], recordings].concat());
+        assert!(!output.status.success());
+        text(&output.stderr)
+    };
+    let said = refused(&["/nowhere/trash", "/nowhere/again"]);
+    assert!(said.contains("names 2 folders"), "{said}");
+    let said = refused(&["/nowhere/trash"]);
+    assert!(said.contains("/nowhere/trash"), "{said}");
+}
+
+#[test]
 fn shortcuts_are_looked_for_with_the_planner_and_the_states_that_are_asked_for() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = short_run(folder.path());

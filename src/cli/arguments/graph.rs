@@ -111,7 +111,8 @@ pub struct GraphLocaliseArguments {
 pub struct GraphTrustArguments {
     /// The YAML file of a task or a composition.
     pub file: PathBuf,
-    /// Folders of recordings that the model was not trained on, one a task, in the order of the composition.
+    /// Folders of recordings that the model was not trained on, one a task, in the order of the composition; a task that is
+    /// done several times has one.
     #[arg(long, required = true, num_args = 1..)]
     pub demos: Vec<PathBuf>,
     /// Edges that are walked in the simulator, of the true and of the false ones each.
