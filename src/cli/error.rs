@@ -451,6 +451,17 @@ pub(super) enum CliError {
         /// The composition.
         composition: String,
     },
+    /// A recording to go on from that lacks the beginning of its episode.
+    #[error(
+        "{} begins in the middle of a run, where that was resumed from {original}: resume from that recording (--from)",
+        recording.display()
+    )]
+    ResumedTwice {
+        /// The recording.
+        recording: PathBuf,
+        /// The one that it was gone on from, as it says.
+        original: String,
+    },
     /// A run would replace the recording that it goes on from.
     #[error(
         "{} is the recording to resume from, and this run's would take its place: name another folder with --out",

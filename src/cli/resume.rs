@@ -19,12 +19,23 @@ use crate::trajectory::Step;
 /// Name of a run's recording in its folder.
 pub(super) const RECORDING: &str = "rollout.mcap";
 
+/// Names the recording that a run was gone on from, in the metadata of its own.
+const RESUMED_NOTE: &str = "resumed_from";
+
 /// Where a run goes on from, as `summary.json` says it.
 #[derive(Serialize)]
 pub(super) struct ResumeReport {
     stage: usize,
     recording: PathBuf,
     replayed_steps: usize,
+}
+
+impl ResumeReport {
+    /// What the run's recording says of itself, which begins where the other one had come to.
+    pub(super) fn note(&self) -> (String, String) {
+        let recording = self.recording.display().to_string();
+        (RESUMED_NOTE.to_owned(), recording)
+    }
 }
 
 impl fmt::Display for ResumeReport {
@@ -98,6 +109,12 @@ pub(super) fn room(
     }
     check_kept(&path, out)?;
     let recording = read_trajectory(&path)?;
+    if let Some(original) = recording.report.metadata.get(RESUMED_NOTE) {
+        return Err(CliError::ResumedTwice {
+            recording: path,
+            original: original.clone(),
+        });
+    }
     let seed = recording
         .report
         .metadata

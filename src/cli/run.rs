@@ -104,7 +104,7 @@ pub(super) fn run(run_arguments: &RunArguments, arguments: &Arguments) -> Result
     let seed = room.seed;
     let episode = rollout.run(room.environment.as_mut(), seed, &mut recorder)?;
     let result = EpisodeResult::new(seed, &episode, room.environment.scored().score());
-    recorder.finish(&result, seed)?;
+    recorder.finish(&result, seed, room.resumed.as_ref())?;
 
     let automaton = loaded.composition.demonstrated_automaton();
     let subgoals: Vec<SubgoalSummary> = automaton
@@ -366,7 +366,12 @@ impl Recorder<'_> {
         (!images.is_empty()).then(|| Observation::new(images))
     }
 
-    fn finish(self, result: &EpisodeResult, seed: u64) -> Result<(), CliError> {
+    fn finish(
+        self,
+        result: &EpisodeResult,
+        seed: u64,
+        resumed: Option<&ResumeReport>,
+    ) -> Result<(), CliError> {
         if let Some(failure) = self.failure {
             return Err(failure);
         }
@@ -375,7 +380,7 @@ impl Recorder<'_> {
             robot: "LoCoBot (simulated)".to_owned(),
             seed: Some(seed),
             success: Some(result.success),
-            ..RecordingMetadata::default()
+            notes: resumed.map(ResumeReport::note).into_iter().collect(),
         })?;
         Ok(())
     }

@@ -325,6 +325,15 @@ fn a_run_goes_on_from_the_stage_that_an_earlier_one_had_come_to() {
         "{said}"
     );
     assert_eq!(fs::read(&recording).expect("the recording"), bytes);
+    // The recording of a run that was gone on with has no beginning.
+    let (resumed, third) = (second.join("rollout.mcap"), folder.path().join("third"));
+    let from_resumed = ["--from", path(&resumed), "--out", path(&third)];
+    let output = catena(&[&words[..], &from_resumed].concat());
+    let said = text(&output.stderr);
+    assert!(
+        said.contains("begins in the middle of a run") && said.contains(path(&recording)),
+        "{said}"
+    );
     // What had not been reached cannot be gone on from, nor what is not there.
     let output = resume("4", &["--from", path(&recording)]);
     let said = text(&output.stderr);
