@@ -437,7 +437,7 @@ pub(super) enum CliError {
     UnknownStage {
         /// What was asked for.
         found: String,
-        /// Subgoals with the numbers of the stages that they begin.
+        /// The beginning and subgoals, with the numbers of the stages that they begin.
         known: String,
     },
     /// No recording to go on from.

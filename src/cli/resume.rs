@@ -62,9 +62,11 @@ pub(super) fn stage_named(name: &str, automaton: &Automaton) -> Result<usize, Cl
         .filter(|stage| *stage < subgoals.len());
     stage.ok_or_else(|| {
         let before_last = subgoals[..subgoals.len() - 1].iter();
-        let names: Vec<String> = before_last
+        let begun = before_last.map(|subgoal| subgoal.name.as_str());
+        let names: Vec<String> = std::iter::once("the beginning")
+            .chain(begun)
             .enumerate()
-            .map(|(i, s)| format!("{} ({})", s.name, i + 1))
+            .map(|(stage, name)| format!("{name} ({stage})"))
             .collect();
         CliError::UnknownStage {
             found: name.to_owned(),
@@ -181,8 +183,14 @@ mod tests {
         assert_eq!(["3", "done", "opened", "-1"].map(stage), [None; 4]);
         let error = stage_named("opened", &automaton).unwrap_err().to_string();
         assert!(
-            error.ends_with("it can from: open (1), held (2)"),
+            error.ends_with("it can from: the beginning (0), open (1), held (2)"),
             "{error}"
         );
+        let of_one = Automaton::in_order(&[Task {
+            name: "t".to_owned(),
+            subgoals: vec![subgoal("done")],
+        }]);
+        let error = stage_named("done", &of_one).unwrap_err().to_string();
+        assert!(error.ends_with("it can from: the beginning (0)"), "{error}");
     }
 }

@@ -342,7 +342,7 @@ fn a_run_goes_on_from_the_stage_that_an_earlier_one_had_come_to() {
         "{said}"
     );
     let output = resume("drawer_opened", &[]);
-    assert!(text(&output.stderr).contains("it can from: drawer_open (1)"));
+    assert!(text(&output.stderr).contains("it can from: the beginning (0), drawer_open (1)"));
     let output = resume("1", &[]);
     assert!(text(&output.stderr).contains("no recording to resume from"));
 }
