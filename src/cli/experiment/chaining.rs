@@ -1,7 +1,9 @@
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use super::commands::{engine_name, quoted};
 use super::digests::{Digests, digests_of, pointer_to};
 use super::plan::{self, digest, make, place_of, with_note, with_version};
 use crate::cli::arguments::{Arguments, ChainingArguments, EvaluateArguments, PlannerArgument};
@@ -21,6 +23,8 @@ use crate::simulator::{Bedroom, BedroomConfig};
 use crate::view::{Rate, write_rates_svg};
 
 const NAME: &str = "chaining";
+/// The root where none is named.
+const HERE: &str = ".";
 
 /// What the figures of a cell depend on.
 #[derive(Serialize)]
@@ -62,7 +66,12 @@ pub(super) fn chaining(
         let loaded = loaded_with(method, evaluated, arguments)?;
         let measured = measure(method, &loaded, evaluated, arguments, digest)?;
         let cell = ChainingCell {
-            commands: vec![command(evaluated, &measured.evaluation.level, is_quick)],
+            commands: vec![command(
+                evaluated,
+                &measured.evaluation.level,
+                is_quick,
+                arguments,
+            )],
             is_quick,
             ..measured
         };
@@ -207,12 +216,27 @@ fn named_digests(composition: &Composition) -> Result<Digests, CliError> {
 
 /// The command that makes a cell, beside others. Without `--quick` it would find the cells of the whole version, and
 /// keep them whatever their number of episodes.
-fn command(evaluated: &EvaluateArguments, level: &str, is_quick: bool) -> String {
+fn command(
+    evaluated: &EvaluateArguments,
+    level: &str,
+    is_quick: bool,
+    arguments: &Arguments,
+) -> String {
     let quick = if is_quick { " --quick" } else { "" };
-    format!(
+    let mut command = format!(
         "catena experiment chaining {}{quick} --episodes {} --seed {} --level {level}",
-        evaluated.target, evaluated.episodes, evaluated.seed
-    )
+        quoted(&evaluated.target),
+        evaluated.episodes,
+        evaluated.seed
+    );
+    if arguments.root != Path::new(HERE) {
+        let root = quoted(&arguments.root.to_string_lossy());
+        let _ = write!(command, " --root {root}");
+    }
+    if let Some(engine) = engine_name(arguments.engine) {
+        let _ = write!(command, " --engine {engine}");
+    }
+    command
 }
 
 /// How much a bedroom varies, as evaluations call it.
@@ -284,6 +308,8 @@ fn measure(
 mod tests {
     use std::fs;
 
+    use clap::Parser;
+
     use super::*;
     use crate::cli::experiment::committed::{assert_kept, chaining_arguments, root};
     use crate::model::{MANIFEST_FILE, ModelManifest};
@@ -316,15 +342,25 @@ mod tests {
     #[test]
     fn a_cell_names_its_command_and_what_it_was_measured_with() {
         let evaluated = evaluation_of(&chaining_arguments(&["--episodes", "3"]));
+        let command = |more: &[&str], is_quick| {
+            let words = [&["catena", "experiment", "chaining"], more].concat();
+            let arguments = Arguments::try_parse_from(words).unwrap();
+            command(&evaluated, "paper", is_quick, &arguments)
+        };
         assert_eq!(
-            command(&evaluated, "paper", false),
+            command(&[], false),
             "catena experiment chaining tasks/sequences/sock_then_trash.yaml --episodes 3 --seed 100 \
              --level paper"
         );
         assert_eq!(
-            command(&evaluated, "paper", true),
+            command(&[], true),
             "catena experiment chaining tasks/sequences/sock_then_trash.yaml --quick --episodes 3 \
              --seed 100 --level paper"
+        );
+        assert_eq!(
+            command(&["--engine", "embedded", "--root", "my work"], false),
+            "catena experiment chaining tasks/sequences/sock_then_trash.yaml --episodes 3 --seed 100 \
+             --level paper --root 'my work' --engine embedded"
         );
         let composition = planned_with(ChainingMethod::Ours, &evaluated, root()).unwrap();
         let digests = named_digests(&composition).unwrap();

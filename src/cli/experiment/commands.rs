@@ -32,11 +32,7 @@ impl Commands {
         Ok(Self {
             executable: std::env::current_exe()
                 .map_err(CliError::io(Path::new("the program itself")))?,
-            engine: match engine {
-                EngineArgument::Auto => None,
-                EngineArgument::Native => Some("native"),
-                EngineArgument::Embedded => Some("embedded"),
-            },
+            engine: engine_name(engine),
             at_once,
         })
     }
@@ -128,8 +124,17 @@ impl Commands {
     }
 }
 
+/// An engine as `--engine` names it; none where whichever is found is taken.
+pub(super) fn engine_name(engine: EngineArgument) -> Option<&'static str> {
+    match engine {
+        EngineArgument::Auto => None,
+        EngineArgument::Native => Some("native"),
+        EngineArgument::Embedded => Some("embedded"),
+    }
+}
+
 /// A word as a shell takes it for one: in quotes where it has more than letters, digits and what paths are made of.
-fn quoted(word: &str) -> String {
+pub(super) fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "_-+=./,:@%".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {
         return word.to_owned();
