@@ -22,7 +22,8 @@ pub struct ShortcutDetection {
     pub precision: Option<f64>,
     /// Share of the shortcuts that were flagged; none where there was no shortcut.
     pub recall: Option<f64>,
-    /// Steps from the shortcut to its flag at the median; negative where the flag came first.
+    /// Steps from the shortcut to its flag at the median, the upper one of an even number; negative where the flag came
+    /// first.
     pub median_delay_steps: Option<i64>,
 }
 

@@ -72,11 +72,11 @@ pub struct Evaluation {
     pub success_rate: f64,
     /// 95 % Wilson interval of the success rate.
     pub interval_95: [f64; 2],
-    /// Median number of time steps of the successful episodes; none if there is none.
+    /// Median number of time steps of the successful episodes, the upper one of an even number; none if there is none.
     pub steps_median: Option<usize>,
     /// Every subgoal in order.
     pub subgoals: Vec<SubgoalTally>,
-    /// Median time of a step (see, localise, plan, act) in milliseconds.
+    /// Median time of a step (see, localise, plan, act) in milliseconds, the lower one of an even number.
     pub step_median_ms: f64,
     /// 99th percentile of it.
     pub step_p99_ms: f64,
@@ -185,7 +185,8 @@ fn tally(subgoals: &[String], results: &[EpisodeResult]) -> Vec<SubgoalTally> {
         .collect()
 }
 
-/// The value below which a share of sorted values lies (nearest rank); 0 for no values.
+/// The value below which a share of sorted values lies (nearest rank: as a median the lower one of an even number); 0
+/// for no values.
 pub(super) fn quantile(sorted: &[f64], share: f64) -> f64 {
     let rank = (share * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.max(1) - 1).copied().unwrap_or(0.0)

@@ -27,7 +27,7 @@ pub struct WalkScore {
     pub arrived: usize,
     /// Those of them that took fewer than `d_max` steps.
     pub arrived_near: usize,
-    /// Median of walked minus counted steps, of the walks that arrived; 0 where none did.
+    /// Median of walked minus counted steps, of the walks that arrived, the lower one of an even number; 0 where none did.
     pub median_extra_steps: f64,
 }
 
