@@ -26,6 +26,8 @@ const LEAST_SHARE: f32 = 0.6;
 pub struct Alignment {
     /// By trajectory: its partners in rising order, each with the counterpart of every step.
     partners: Vec<Vec<(u32, Counterparts)>>,
+    /// By trajectory: the set that it is from. Empty where nothing was to be compared.
+    sets: Vec<usize>,
 }
 
 type Counterparts = Vec<Option<u32>>;
@@ -41,7 +43,9 @@ impl Alignment {
         for (trajectory, of) in found {
             partners[trajectory as usize] = of;
         }
-        Self { partners }
+        let all = 0..data.trajectory_count() as u32;
+        let sets = all.map(|trajectory| data.set_of(trajectory)).collect();
+        Self { partners, sets }
     }
 
     /// The demonstrations that a trajectory was compared with.
@@ -58,14 +62,30 @@ impl Alignment {
         partners[place].1[state.step as usize]
     }
 
-    /// Whether two states of different demonstrations show nearly the same phase: fewer than `within_steps`
-    /// apart. Nothing says that such states are far from each other.
-    pub fn are_alike(&self, one: StateRef, other: StateRef, within_steps: usize) -> bool {
+    /// Whether two states of different demonstrations may show nearly the same phase: they are fewer than
+    /// `within_steps` apart, or their demonstrations are of one set and were not compared. Nothing says that such
+    /// states are far from each other.
+    pub fn may_be_alike(&self, one: StateRef, other: StateRef, within_steps: usize) -> bool {
         let near = |a: StateRef, b: StateRef| {
             self.counterpart(a, b.trajectory)
                 .is_some_and(|step| (step.abs_diff(b.step) as usize) < within_steps)
         };
-        near(one, other) || near(other, one)
+        near(one, other) || near(other, one) || self.were_left_out(one.trajectory, other.trajectory)
+    }
+
+    /// Whether two demonstrations of one set were not compared, which happens where it has more than
+    /// `2 * PARTNERS + 1`.
+    fn were_left_out(&self, one: u32, other: u32) -> bool {
+        let set = |trajectory: u32| self.sets.get(trajectory as usize);
+        let is_partner = |of: u32, wanted: u32| {
+            let partners = self.partners(of);
+            partners.binary_search_by_key(&wanted, |(p, _)| *p).is_ok()
+        };
+        one != other
+            && set(one).is_some()
+            && set(one) == set(other)
+            && !is_partner(one, other)
+            && !is_partner(other, one)
     }
 }
 
@@ -192,6 +212,7 @@ fn judged(path: &[(usize, bool)], columns: usize) -> Counterparts {
 mod tests {
     use super::*;
     use crate::training::synthetic;
+    use crate::trajectory::{DemonstrationSet, Trajectory};
 
     fn steps(one: &str, other: &str) -> Vec<usize> {
         let actions = |letters: &str| -> Vec<[usize; 1]> {
@@ -222,19 +243,38 @@ mod tests {
         assert!(judged(&path, 7).iter().all(Option::is_none));
     }
 
+    /// How so many demonstrations of 20 steps that all show the same are aligned.
+    fn of_copies(count: u32) -> Alignment {
+        let one = synthetic::demonstrations("a", 1, 20, 3).trajectories()[0].clone();
+        let copy = |number: u32| Trajectory {
+            id: format!("copy {number}"),
+            ..one.clone()
+        };
+        let set = DemonstrationSet::new("a", (0..count).map(copy).collect()).unwrap();
+        let all: Vec<u32> = (0..count).collect();
+        Alignment::find(&Dataset::new(&[set]).unwrap(), &all)
+    }
+
     #[test]
     fn a_demonstration_and_its_copy_correspond_step_by_step() {
-        let set = synthetic::demonstrations("a", 1, 20, 3);
-        let mut twice = set.trajectories().to_vec();
-        twice.push(twice[0].clone());
-        twice[1].id = "copy".to_owned();
-        let set = crate::trajectory::DemonstrationSet::new("a", twice).unwrap();
-        let data = Dataset::new(&[set]).unwrap();
-        let alignment = Alignment::find(&data, &[0, 1]);
+        let alignment = of_copies(2);
         for step in 0..20 {
             assert_eq!(alignment.counterpart(at(0, step), 1), Some(step as u32));
         }
-        assert!(alignment.are_alike(at(0, 5), at(1, 8), 4));
-        assert!(!alignment.are_alike(at(0, 5), at(1, 9), 4));
+        assert!(alignment.may_be_alike(at(0, 5), at(1, 8), 4));
+        assert!(!alignment.may_be_alike(at(0, 5), at(1, 9), 4));
+    }
+
+    #[test]
+    fn of_more_demonstrations_than_are_compared_it_is_known_which_were_not() {
+        for (count, left_out) in [(65, 0), (66, 1), (70, 5)] {
+            let alignment = of_copies(count);
+            // The start of the first and the end of another are alike only for all that is known.
+            let unknown = |other: &u32| alignment.may_be_alike(at(0, 0), at(*other, 19), 4);
+            assert_eq!((1..count).filter(unknown).count(), left_out, "of {count}");
+            assert!(!alignment.may_be_alike(at(0, 0), at(0, 19), 4));
+        }
+        let none = Alignment::default();
+        assert!(!none.may_be_alike(at(0, 0), at(33, 0), 4));
     }
 }

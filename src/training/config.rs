@@ -114,7 +114,9 @@ pub struct SamplingConfig {
     pub hard_share: f64,
     /// Share of the windows that show the phase of another window in another demonstration of the same
     /// task. The local policy then also learns with goal states of other demonstrations, which is what it
-    /// is given when it runs, and states of the same phase are not called far apart. 0 is the paper's way.
+    /// is given when it runs, and states of the same phase are not called far apart. Of more than 65
+    /// demonstrations of a task each is compared with the 64 around it, and no far pair is drawn from two that
+    /// were not compared. 0 is the paper's way.
     pub aligned_share: f64,
     /// Share of the policy's weight that goes to goal states of other demonstrations.
     pub aligned_policy_share: f64,

@@ -250,9 +250,11 @@ impl Sampler {
             let pair = (rng.random_range(0..states), rng.random_range(0..states));
             if draw.window_of[pair.0] != draw.window_of[pair.1]
                 && is_far(draw.states[pair.0], draw.states[pair.1], self.d_max)
-                && !self
-                    .alignment
-                    .are_alike(draw.states[pair.0], draw.states[pair.1], self.d_max)
+                && !self.alignment.may_be_alike(
+                    draw.states[pair.0],
+                    draw.states[pair.1],
+                    self.d_max,
+                )
             {
                 draw.far.push(pair);
             }

@@ -4,7 +4,7 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::*;
 use crate::training::synthetic;
-use crate::trajectory::{Action, ActionSpace, DemonstrationSet, Marker};
+use crate::trajectory::{Action, ActionSpace, DemonstrationSet, Marker, Trajectory};
 
 fn data() -> Dataset {
     Dataset::new(&[
@@ -152,6 +152,37 @@ fn aligned_pairs_lead_ahead_in_another_demonstration_and_are_not_called_far() {
             );
         }
     }
+}
+
+#[test]
+fn of_more_demonstrations_than_are_compared_none_that_show_the_same_are_called_far() {
+    let one = synthetic::demonstrations("a", 1, 20, 1).trajectories()[0].clone();
+    let copy = |number: u32| Trajectory {
+        id: format!("copy {number}"),
+        ..one.clone()
+    };
+    let set = DemonstrationSet::new("a", (0..100).map(copy).collect()).unwrap();
+    let data = Dataset::new(&[set]).unwrap();
+    let all: Vec<u32> = (0..100).collect();
+    let config = SamplingConfig {
+        aligned_share: 0.5,
+        ..SamplingConfig::default()
+    };
+    let sampler = Sampler::new(&data, &all, &config, &ImitationConfig::default(), 5).unwrap();
+    let mut of_two = 0;
+    for stream in 0..20 {
+        let mut rng = ChaCha8Rng::seed_from_u64(9);
+        rng.set_stream(stream);
+        let draw = sampler.draw(&mut rng);
+        for (from, to) in &draw.far {
+            let (from, to) = (draw.states[*from], draw.states[*to]);
+            if from.trajectory != to.trajectory {
+                assert!(from.step.abs_diff(to.step) >= 5, "{from:?} {to:?}");
+                of_two += 1;
+            }
+        }
+    }
+    assert!(of_two > 0, "those that were compared are still told apart");
 }
 
 #[test]
