@@ -51,6 +51,15 @@ pub enum TrainingError {
         /// The cameras of the demonstrations, printed.
         present: String,
     },
+    /// A camera has a name that the file of its encoder has for something else.
+    #[error(
+        "a camera is called '{camera}', as the output of the encoder that is to be trained: call it otherwise under \
+         'cameras' of the 'topics' in a mapping file"
+    )]
+    CameraNameTaken {
+        /// The camera.
+        camera: String,
+    },
     /// Batches are to be mirrored, but not the actions.
     #[error(
         "augmentation.mirror_share is {share}, but {space} have no other side: each primitive with `left` in its \

@@ -35,6 +35,22 @@ pub fn acting(names: &[&str], actions: &[usize; 9]) -> DemonstrationSet {
     DemonstrationSet::new("a", trajectories).expect("made alike")
 }
 
+/// The same demonstrations, whose camera `wrist` has another name.
+pub fn with_wrist_called(set: &DemonstrationSet, name: &str) -> DemonstrationSet {
+    let mut trajectories = set.trajectories().to_vec();
+    for trajectory in &mut trajectories {
+        for step in &mut trajectory.steps {
+            let images = step.observation.iter().map(|(camera, image)| {
+                let camera = if camera == "wrist" { name } else { camera };
+                (camera.to_owned(), image.clone())
+            });
+            let renamed = Observation::new(images);
+            step.observation = Arc::new(renamed);
+        }
+    }
+    DemonstrationSet::new(set.task(), trajectories).expect("made alike")
+}
+
 /// Demonstrations of any size.
 pub fn demonstrations_sized(
     task: &str,

@@ -8,6 +8,7 @@ use super::batch::{Batcher, Pictures, StepInput};
 use super::checkpoint::{BestSoFar, Checkpoint, TrainingState, check_same};
 use super::course::{self, Course, Pace, Progress, Sizes};
 use super::evaluation::{ValidationSet, encode, values};
+use super::export::check_camera_names;
 use super::history::History;
 use super::landmarks::{Landmarks, check_landmarks, learn_offsets};
 use super::learner::Learner;
@@ -50,6 +51,7 @@ pub fn check_training(
 }
 
 fn check_against(data: &Dataset, config: &TrainingConfig) -> Result<(), TrainingError> {
+    check_camera_names(data.cameras())?;
     check_mirror(&config.augmentation, data.action_space())?;
     check_motion(config, data)?;
     check_landmarks(config, data)

@@ -116,6 +116,20 @@ fn the_same_seed_gives_the_same_weights_and_another_seed_others() {
 }
 
 #[test]
+fn a_camera_that_is_called_like_the_output_of_its_encoder_is_refused_where_that_is_trained() {
+    let shown = sets().map(|set| synthetic::with_wrist_called(&set, "latent"));
+    for (_, method) in BaselineMethod::NAMES {
+        let checked = check_baseline_training(&shown, &tiny(method, 2));
+        if method == BaselineMethod::Mvp {
+            checked.unwrap();
+            continue;
+        }
+        let message = checked.unwrap_err().to_string();
+        assert!(message.contains("'latent'"), "{method}: {message}");
+    }
+}
+
+#[test]
 fn a_stopped_training_goes_on_to_the_same_weights() {
     for (_, method) in BaselineMethod::NAMES {
         let whole = tempfile::tempdir().unwrap();

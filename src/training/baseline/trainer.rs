@@ -10,10 +10,11 @@ use super::source::Source;
 use super::trained::{BaselineState, BestBaseline, check_frozen, network_of};
 use super::validation::HeldOut;
 use super::{BaselineConfig, BaselineNetwork, TrainedBaseline};
-use crate::model::{BaselineValidation, FeatureEncoder};
+use crate::model::{BaselineMethod, BaselineValidation, FeatureEncoder};
 use crate::training::augmentation::check_mirror;
 use crate::training::checkpoint::{Checkpoint, check_same};
 use crate::training::course::{self, Course, Pace, Progress, Sizes};
+use crate::training::export::check_camera_names;
 use crate::training::history::LossTable;
 use crate::training::learner::Learner;
 use crate::training::{
@@ -46,7 +47,14 @@ pub fn check_baseline_training(
     config: &BaselineConfig,
 ) -> Result<(), TrainingError> {
     config.check()?;
-    let data = Dataset::new(sets)?;
+    check_against(&Dataset::new(sets)?, config)
+}
+
+fn check_against(data: &Dataset, config: &BaselineConfig) -> Result<(), TrainingError> {
+    // A frozen encoder sees one camera after another, whatever they are called.
+    if config.method != BaselineMethod::Mvp {
+        check_camera_names(data.cameras())?;
+    }
     check_mirror(&config.augmentation, data.action_space())
 }
 
@@ -118,7 +126,7 @@ impl<'a> Run<'a> {
         folder: &'a Path,
         device: &Device,
     ) -> Result<Self, TrainingError> {
-        check_mirror(&config.augmentation, data.action_space())?;
+        check_against(data, config)?;
         let split = data.split(config.validation_share, config.seed);
         let sampler = WindowSampler::new(data, &split.training, config)?;
         let held_out = HeldOut::new(data, &split.training, &split.validation, config)?;

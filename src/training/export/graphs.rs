@@ -1,5 +1,6 @@
 use burn::tensor::Tensor;
 
+use super::names::LATENT;
 use super::onnx::{Attribute, OnnxGraph};
 use crate::model::LANDMARK_VALUES;
 use crate::training::TrainedModel;
@@ -33,7 +34,7 @@ pub fn encoder(model: &TrainedModel) -> Vec<u8> {
         }
     }
     let latent = concat(&mut graph, &parts);
-    graph.output("latent", &latent, &[latent_dim]);
+    graph.output(LATENT, &latent, &[latent_dim]);
     graph.into_model("encoder")
 }
 
@@ -60,7 +61,7 @@ pub fn of_cameras(
     let landmarks = landmarks.into_iter().flatten();
     let all: Vec<String> = [latent].into_iter().chain(landmarks).collect();
     let latent = concat(&mut graph, &all);
-    graph.output("latent", &latent, &[latent_dim]);
+    graph.output(LATENT, &latent, &[latent_dim]);
     graph.into_model("encoder")
 }
 
@@ -347,7 +348,7 @@ pub fn dense(graph: &mut OnnxGraph, dense: &Dense, input: &str) -> String {
 /// `projection.onnx`: a latent to what it brings to a pair.
 pub fn projection(model: &TrainedModel) -> Vec<u8> {
     let mut graph = OnnxGraph::default();
-    let latent = graph.input("latent", &[model.spec.latent_dim]);
+    let latent = graph.input(LATENT, &[model.spec.latent_dim]);
     let (from, to) = project(
         &mut graph,
         model,

@@ -282,6 +282,31 @@ fn losses_fall_and_validations_come_when_they_are_due() {
     assert_eq!(report.steps, 60);
 }
 
+#[test]
+fn a_camera_that_is_called_like_the_output_of_its_encoder_is_refused_with_the_way_out() {
+    let seen = |name: &str| sets().map(|set| synthetic::with_wrist_called(&set, name));
+    let shown = seen("latent");
+    let message = check_training(&shown, &tiny(2)).unwrap_err().to_string();
+    assert!(
+        message.contains("'latent'") && message.contains("mapping file"),
+        "{message}"
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let run = RunFolder::open(folder.path()).unwrap();
+    let refused = train_on(&Device::flex(), &shown, &tiny(2), &run, &mut SilentObserver);
+    assert!(matches!(
+        refused,
+        Err(TrainingError::CameraNameTaken { .. })
+    ));
+    // Where the network does not see it, and with any other name, it may stay.
+    let config = TrainingConfig {
+        cameras: vec!["head".to_owned()],
+        ..tiny(2)
+    };
+    check_training(&shown, &config).unwrap();
+    check_training(&seen("logits"), &tiny(2)).unwrap();
+}
+
 /// Demonstrations that end with a gripper that closes.
 fn grasping() -> [DemonstrationSet; 2] {
     sets().map(|set| {
