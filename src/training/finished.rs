@@ -67,7 +67,7 @@ impl FinishedModel {
 
     /// Learns anew what the networks stay out of, the sense of grasps and how far off landmarks are seen, and writes the
     /// model with it to a folder, which may be its own. `encoder` is this model's, `datasets` are digests of demonstrations
-    /// and practice by the name of their set.
+    /// and practice by the name of their set. Of the cameras of the demonstrations those of the model are used.
     ///
     /// # Errors
     /// What [`GripperPractice::teach`] refuses, [`TrainingError::Encoder`], [`TrainingError::Io`], and
@@ -82,10 +82,14 @@ impl FinishedModel {
         datasets: BTreeMap<String, String>,
         folder: &Path,
     ) -> Result<(ModelManifest, Practised), TrainingError> {
-        let practised = practice.teach(&self.config, self.book.as_mut())?;
+        // More cameras may have seen these demonstrations than those that it was trained on.
+        let mut config = self.config;
+        let cameras = self.manifest.spec.cameras.iter();
+        config.cameras = cameras.map(|camera| camera.name.clone()).collect();
+        let practised = practice.teach(&config, self.book.as_mut())?;
         if let Some(book) = &mut self.book {
-            let data = Dataset::new(practice.demonstrations)?.seen_by(&self.config.cameras)?;
-            learn_offsets(book, &data, &self.config, |states| encoder.encode(states))
+            let data = Dataset::new(practice.demonstrations)?.seen_by(&config.cameras)?;
+            learn_offsets(book, &data, &config, |states| encoder.encode(states))
                 .map_err(|source| TrainingError::Encoder { source })?;
         }
         let json = serde_json::to_vec(&self.book).expect("a book of landmarks has a JSON form");

@@ -245,13 +245,15 @@ fn moments(rows: &[Vec<f32>]) -> (Vec<f32>, Vec<f32>) {
 #[cfg(test)]
 #[cfg(feature = "simulator")]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::inference::{EngineChoice, Model};
     use crate::model::{GraspSight, LANDMARKS_FILE, LandmarkBook};
     use crate::simulator::{Bedroom, BedroomConfig, BedroomTask, Habits, Practice, demonstrate_on};
     use crate::training::landmarks::{GripperPractice, Landmarks};
     use crate::training::{FinishedModel, TrainedModel, TrainingConfig, export};
-    use crate::trajectory::DemonstrationSet;
+    use crate::trajectory::{DemonstrationSet, Observation};
 
     const MISSES: Habits = Habits {
         overshoot: 0.0,
@@ -386,6 +388,42 @@ mod tests {
             refused.contains(LANDMARKS_FILE) && refused.contains("model"),
             "{refused}"
         );
+    }
+
+    /// The same, seen by the camera on the gripper alone.
+    fn seen_by_wrist(set: &DemonstrationSet) -> DemonstrationSet {
+        let mut trajectories = set.trajectories().to_vec();
+        for trajectory in &mut trajectories {
+            for step in &mut trajectory.steps {
+                let image = step.observation.image("wrist").unwrap().clone();
+                step.observation = Arc::new(Observation::new([("wrist".to_owned(), image)]));
+            }
+        }
+        DemonstrationSet::new(set.task(), trajectories).unwrap()
+    }
+
+    #[test]
+    fn a_model_is_taught_the_same_by_demonstrations_that_more_cameras_saw() {
+        let config = bedroom();
+        let by_two = [set(1..3, MISSES)];
+        let by_one = [seen_by_wrist(&by_two[0])];
+        let mut model = TrainedModel::untrained(&Dataset::new(&by_one).unwrap(), &config);
+        model.landmarks = Some(book(&by_one, &config));
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("model");
+        export(&model, [].into(), &folder).unwrap();
+        let encoder = Model::load(&folder, EngineChoice::Auto).unwrap();
+        let runs = [set(30..32, DRY)];
+        let taught = |demonstrations: &[DemonstrationSet], name: &str| {
+            let practice = GripperPractice {
+                runs: &runs,
+                demonstrations,
+            };
+            let finished = FinishedModel::load(&folder).unwrap();
+            let out = place.path().join(name);
+            (finished.practised(&practice, &encoder, [].into(), &out)).unwrap()
+        };
+        assert_eq!(taught(&by_two, "by two"), taught(&by_one, "by one"));
     }
 
     #[test]
