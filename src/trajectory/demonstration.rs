@@ -81,13 +81,14 @@ pub struct DemonstrationSet {
 }
 
 impl DemonstrationSet {
-    /// Puts trajectories together after checking that every one has steps and that cameras (those of the
-    /// first steps) and action spaces agree. That ids are unique is not checked: graphs tell the demonstrations
-    /// of a task apart by them.
+    /// Puts trajectories together after checking that every one has steps and cameras and no marker beyond its
+    /// steps, and that cameras (those of the first steps) and action spaces agree. That ids are unique is not
+    /// checked: graphs tell the demonstrations of a task apart by them.
     ///
     /// # Errors
-    /// [`TrajectoryError::Empty`] for no trajectories or one without steps,
-    /// [`TrajectoryError::SetDisagrees`] when cameras or action spaces differ.
+    /// [`TrajectoryError::Empty`] for no trajectories or one without steps, [`TrajectoryError::NoCamera`] for one
+    /// without images, [`TrajectoryError::MarkerBeyondEnd`], and [`TrajectoryError::SetDisagrees`] when cameras or
+    /// action spaces differ.
     pub fn new(
         task: impl Into<String>,
         trajectories: Vec<Trajectory>,
@@ -102,6 +103,19 @@ impl DemonstrationSet {
             if t.steps.is_empty() {
                 return Err(TrajectoryError::Empty {
                     what: format!("trajectory '{}'", t.id),
+                });
+            }
+            if t.cameras().is_empty() {
+                return Err(TrajectoryError::NoCamera {
+                    trajectory: t.id.clone(),
+                });
+            }
+            if let Some(marker) = t.markers.iter().find(|m| m.step >= t.steps.len()) {
+                return Err(TrajectoryError::MarkerBeyondEnd {
+                    trajectory: t.id.clone(),
+                    marker: marker.name.clone(),
+                    step: marker.step,
+                    last: t.steps.len() - 1,
                 });
             }
             let disagrees = |expected: String, found: String| TrajectoryError::SetDisagrees {
@@ -159,24 +173,57 @@ mod tests {
     use super::*;
     use crate::trajectory::Image;
 
+    /// A trajectory of one step.
+    fn trajectory(id: &str, names: [&str; 2]) -> Trajectory {
+        let image = Image::new(1, 1, vec![0; 3]).expect("one pixel");
+        Trajectory {
+            id: id.to_owned(),
+            task: "sock".to_owned(),
+            action_space: ActionSpace::Primitives {
+                names: names.map(str::to_owned).to_vec(),
+            },
+            steps: vec![Step {
+                time_secs: 0.0,
+                observation: Arc::new(Observation::new([("head".to_owned(), image)])),
+                action: Action::Primitive(0),
+            }],
+            markers: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_trajectory_that_no_camera_saw_is_refused() {
+        let seen = trajectory("seen", ["left", "right"]);
+        let mut blind = trajectory("blind", ["left", "right"]);
+        blind.steps[0].observation = Arc::new(Observation::default());
+        for all in [vec![blind.clone()], vec![seen, blind]] {
+            let error = DemonstrationSet::new("sock", all).expect_err("there is no image");
+            assert_eq!(
+                error.to_string(),
+                "trajectory 'blind' was seen by no camera: its first observation has no image"
+            );
+        }
+    }
+
+    #[test]
+    fn a_marker_beyond_the_last_step_is_refused() {
+        let mut marked = trajectory("short", ["left", "right"]);
+        let marker = |step: usize| Marker {
+            step,
+            name: format!("reached_{step}"),
+        };
+        marked.markers = vec![marker(0)];
+        DemonstrationSet::new("sock", vec![marked.clone()]).expect("it stands at the only step");
+        marked.markers.push(marker(1));
+        let error = DemonstrationSet::new("sock", vec![marked]).expect_err("there is one step");
+        assert_eq!(
+            error.to_string(),
+            "marker 'reached_1' of trajectory 'short' stands at step 1, beyond the last one, which is 0"
+        );
+    }
+
     #[test]
     fn spaces_that_differ_in_names_alone_are_told_with_them() {
-        let trajectory = |id: &str, names: [&str; 2]| {
-            let image = Image::new(1, 1, vec![0; 3]).expect("one pixel");
-            Trajectory {
-                id: id.to_owned(),
-                task: "sock".to_owned(),
-                action_space: ActionSpace::Primitives {
-                    names: names.map(str::to_owned).to_vec(),
-                },
-                steps: vec![Step {
-                    time_secs: 0.0,
-                    observation: Arc::new(Observation::new([("head".to_owned(), image)])),
-                    action: Action::Primitive(0),
-                }],
-                markers: Vec::new(),
-            }
-        };
         let both = vec![
             trajectory("first", ["left", "right"]),
             trajectory("second", ["right", "left"]),

@@ -69,6 +69,26 @@ pub enum TrajectoryError {
         /// What this one has.
         found: String,
     },
+    /// A trajectory that no camera saw.
+    #[error("trajectory '{trajectory}' was seen by no camera: its first observation has no image")]
+    NoCamera {
+        /// The trajectory.
+        trajectory: String,
+    },
+    /// A marker stands beyond the last step of its trajectory.
+    #[error(
+        "marker '{marker}' of trajectory '{trajectory}' stands at step {step}, beyond the last one, which is {last}"
+    )]
+    MarkerBeyondEnd {
+        /// The trajectory.
+        trajectory: String,
+        /// The marker.
+        marker: String,
+        /// Where it stands, counted from 0.
+        step: usize,
+        /// The last step.
+        last: usize,
+    },
     /// A set without trajectories, or a trajectory without steps.
     #[error("{what} is empty")]
     Empty {
