@@ -8,7 +8,8 @@ use crate::training::{Dataset, TrainingConfig, TrainingError};
 use crate::trajectory::{CameraSpec, DemonstrationSet};
 
 /// Recordings from which only the sense of grasps learns ([`GraspSense`](crate::model::GraspSense)), a set a task. A
-/// closing of the gripper after which a subgoal was reached holds what the task is about, any other holds nothing.
+/// closing of the gripper after which a subgoal was reached holds what the task is about, any other holds nothing. Of
+/// their cameras the one on the gripper is used.
 ///
 /// Demonstrations alone show an empty gripper only beside the thing that it missed, and things only as a practised
 /// person takes them. In a *dry run* somebody goes through the motions of a task and closes the gripper beside
@@ -44,7 +45,7 @@ impl GripperPractice<'_> {
     /// # Errors
     /// [`TrainingError::NoPractice`], and what is wrong with either kind of sets.
     pub fn check(&self, config: &TrainingConfig) -> Result<Practised, TrainingError> {
-        let [demonstrations, runs] = self.seen_by(config)?;
+        let [demonstrations, runs] = self.read(config)?;
         Ok(usable(config, &demonstrations, &runs)?.practised)
     }
 
@@ -61,23 +62,23 @@ impl GripperPractice<'_> {
         let (Some(_), Some(book)) = (&config.landmarks, book) else {
             return Err(refuse("the model learns no landmarks"));
         };
-        let [demonstrations, runs] = self.seen_by(config)?;
+        let [demonstrations, runs] = self.read(config)?;
         let usable = usable(config, &demonstrations, &runs)?;
         let learnt = sense_of(usable.carried, usable.classes);
         book.grasp = Some(learnt.ok_or_else(|| refuse(TOO_FEW))?);
         Ok(usable.practised)
     }
 
-    /// Demonstrations and practice, as the model sees them.
-    fn seen_by(&self, config: &TrainingConfig) -> Result<[Dataset; 2], TrainingError> {
-        let seen = |sets| Dataset::new(sets)?.seen_by(&config.cameras);
-        let runs = seen(self.runs).map_err(|error| match error {
+    /// Demonstrations as the model sees them, and practice, of which the camera on the gripper is enough.
+    fn read(&self, config: &TrainingConfig) -> Result<[Dataset; 2], TrainingError> {
+        let runs = Dataset::new(self.runs).map_err(|error| match error {
             TrainingError::TooFewDemonstrations { .. } => {
                 refuse("it holds fewer than two recordings")
             }
             error => error,
         });
-        Ok([seen(self.demonstrations)?, runs?])
+        let demonstrations = Dataset::new(self.demonstrations)?.seen_by(&config.cameras)?;
+        Ok([demonstrations, runs?])
     }
 }
 

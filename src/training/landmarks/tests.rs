@@ -1,8 +1,10 @@
+use std::sync::Arc;
+
 use super::*;
 use crate::model::{Latents, ModelError};
 use crate::training::trained_model::spec_of;
 use crate::training::{NetworkVariant, Preset, synthetic};
-use crate::trajectory::{DemonstrationSet, State, Trajectory};
+use crate::trajectory::{DemonstrationSet, Marker, Observation, State, Trajectory};
 
 const NAMES: [&str; 4] = ["left", "ahead", "gripper_close", "gripper_open"];
 
@@ -305,6 +307,59 @@ fn a_book_says_how_demonstrations_come_to_a_place() {
     latent[16 + 12 + 3] = PLACE_GAIN * 0.5;
     let [x, y] = book.views[1].of(&latent, 1).pixel;
     assert_eq!([x, y], pixel_of([PLACE_GAIN * 0.5, 0.0], &grids[1]));
+}
+
+/// Closes the gripper, and opens it again.
+const TAKING: [usize; 9] = [0, 0, 2, 1, 1, 1, 3, 0, 0];
+/// Closes the gripper, and keeps it so.
+const CLOSING: [usize; 9] = [0, 2, 1, 1, 1, 1, 1, 1, 1];
+
+/// Two recordings of a task, in which a subgoal is reached at some steps.
+fn recorded(task: &str, actions: &[usize; 9], reached: &[usize]) -> DemonstrationSet {
+    let mut trajectories = synthetic::acting(&NAMES, actions).trajectories().to_vec();
+    let marker = |step: &usize| Marker {
+        step: *step,
+        name: "reached".to_owned(),
+    };
+    for trajectory in &mut trajectories {
+        trajectory.markers = reached.iter().map(marker).collect();
+    }
+    DemonstrationSet::new(task, trajectories).unwrap()
+}
+
+/// The same, seen by one camera alone.
+fn seen_by(camera: &str, set: &DemonstrationSet) -> DemonstrationSet {
+    let mut trajectories = set.trajectories().to_vec();
+    for trajectory in &mut trajectories {
+        for step in &mut trajectory.steps {
+            let image = step.observation.image(camera).unwrap().clone();
+            step.observation = Arc::new(Observation::new([(camera.to_owned(), image)]));
+        }
+    }
+    DemonstrationSet::new(set.task(), trajectories).unwrap()
+}
+
+#[test]
+fn practice_needs_the_camera_on_the_gripper_alone() {
+    let mut config = config();
+    config.cameras = ["head", "wrist"].map(String::from).to_vec();
+    let demonstrations = [recorded("carry", &TAKING, &[4])];
+    let run = recorded("carry", &CLOSING, &[]);
+    let check = |run: &DemonstrationSet| {
+        let practice = GripperPractice {
+            runs: std::slice::from_ref(run),
+            demonstrations: &demonstrations,
+        };
+        practice.check(&config)
+    };
+    let by_both = check(&run).unwrap();
+    assert_eq!(by_both, Practised { empty: 14, held: 0 });
+    assert_eq!(check(&seen_by("wrist", &run)).unwrap(), by_both);
+    let message = check(&seen_by("head", &run)).unwrap_err().to_string();
+    assert!(
+        message.contains("the demonstrations have a camera 'wrist' of 16x24, and it does not"),
+        "{message}"
+    );
 }
 
 #[test]
