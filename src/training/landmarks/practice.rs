@@ -22,12 +22,12 @@ pub struct GripperPractice<'a> {
     pub demonstrations: &'a [DemonstrationSet],
 }
 
-/// How many states of practice show what.
+/// How many states of practice show what, of those that teach something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Practised {
     /// A gripper that is closed on nothing.
     pub empty: usize,
-    /// One that holds something.
+    /// One that holds something, in tasks whose demonstrations hold something.
     pub held: usize,
 }
 
@@ -118,17 +118,26 @@ fn usable<'a>(
         )));
     }
     let shown = practised(runs, &config.imitation);
-    let practised = Practised {
-        empty: shown.empty.len(),
-        held: shown.held.iter().map(Vec::len).sum(),
-    };
-    if practised.empty + practised.held == 0 {
+    let empty = shown.empty.len();
+    let held: Vec<usize> = shown.held.iter().map(Vec::len).collect();
+    if empty + held.iter().sum::<usize>() == 0 {
         return Err(refuse("the gripper never closes in it"));
     }
     let classes = all_shown(demonstrations, Some((runs, shown)), &config.imitation);
+    let classes = classes.ok_or_else(|| refuse(TOO_FEW))?;
+    let of_things = (runs.tasks().iter().zip(held)).filter(|(task, _)| classes.1.contains(task));
+    let practised = Practised {
+        empty,
+        held: of_things.map(|(_, held)| held).sum(),
+    };
+    if practised.empty + practised.held == 0 {
+        return Err(refuse(
+            "it shows nothing but grippers that hold something, in tasks whose demonstrations never do",
+        ));
+    }
     Ok(Usable {
         practised,
         carried,
-        classes: classes.ok_or_else(|| refuse(TOO_FEW))?,
+        classes,
     })
 }

@@ -363,6 +363,38 @@ fn practice_needs_the_camera_on_the_gripper_alone() {
 }
 
 #[test]
+fn what_practice_holds_counts_in_tasks_whose_demonstrations_hold_something() {
+    let mut config = config();
+    config.imitation.missed_grasp_steps = 5;
+    // It misses once, and then takes something.
+    let carried = recorded("carry", &[2, 1, 1, 1, 1, 3, 2, 1, 1], &[7]);
+    let pushed = recorded("push", &[0, 0, 1, 1, 1, 1, 1, 0, 0], &[7]);
+    let demonstrations = [carried, pushed];
+    let check = |runs: &[DemonstrationSet]| {
+        let practice = GripperPractice {
+            runs,
+            demonstrations: &demonstrations,
+        };
+        practice.check(&config)
+    };
+    let [carried, pushed] = ["carry", "push"].map(|task| recorded(task, &TAKING, &[4]));
+    let empty = recorded("carry", &CLOSING, &[]);
+    assert_eq!(
+        check(&[empty.clone(), carried]).unwrap(),
+        Practised { empty: 14, held: 4 }
+    );
+    assert_eq!(
+        check(&[empty, pushed.clone()]).unwrap(),
+        Practised { empty: 14, held: 0 }
+    );
+    let message = check(&[pushed]).unwrap_err().to_string();
+    assert!(
+        message.contains("in tasks whose demonstrations never do"),
+        "{message}"
+    );
+}
+
+#[test]
 fn what_shows_no_landmarks_is_refused_with_the_reason() {
     let data = dataset(&[[0, 0, 1, 2, 1, 3, 0, 0, 0]]);
     check_landmarks(&config(), &data).unwrap();
