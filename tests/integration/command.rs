@@ -405,8 +405,7 @@ fn a_choice_of_tasks_has_no_seam_between_them() {
                 environment: {bedroom: {start: sock}}\n\
                 do: {choice: [sock, trash]}\n";
     fs::write(&file, yaml).expect("written");
-    let out = folder.path().join("out");
-    let words = succeeded(&["compose", path(&file), "--out", path(&out)]);
+    let words = succeeded(&["compose", path(&file)]);
     assert!(words.contains("audit of the plan"), "{words}");
     assert!(!words.contains("seam "), "{words}");
 }
