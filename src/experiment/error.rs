@@ -31,6 +31,24 @@ pub enum ExperimentError {
         /// The recording.
         recording: String,
     },
+    /// The recorded pictures are of other cameras than the bedroom's, or of another size.
+    #[error(
+        "the recording '{recording}' cannot be replayed: at step {step} camera '{camera}' is {found} in the recording \
+         and {expected} in the bedroom; give it as it was recorded, neither converted to another size nor read through \
+         a mapping file with 'image_size', 'image_sizes' or 'cameras', or record it again"
+    )]
+    CameraDiffers {
+        /// The recording.
+        recording: String,
+        /// The first step at which they differ.
+        step: usize,
+        /// The camera, by the name that it has where it is.
+        camera: String,
+        /// Its size in the recording (rows x columns), or `missing`.
+        found: String,
+        /// Its size in the bedroom, or `missing`.
+        expected: String,
+    },
     /// The simulator shows something else than what was recorded.
     #[error(
         "the recording '{recording}' is not of this bedroom: at step {step} the replayed pictures differ from the \

@@ -4,7 +4,7 @@ use crate::trajectory::{Action, Observation, Trajectory};
 
 /// Largest mean difference between a recorded and a replayed picture, in levels of 0..=255. The noise of the cameras is
 /// replayed too, so that only what JPEG loses is left.
-pub(super) const SAME_PICTURE_LEVELS: f64 = 5.0;
+const SAME_PICTURE_LEVELS: f64 = 5.0;
 
 /// A recording of the simulated bedroom with what was really the case at each of its steps.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,7 +31,8 @@ impl Replay {
     ///
     /// # Errors
     /// [`ExperimentError::TaskOfAnotherWorld`] and [`ExperimentError::ActionsOfAnotherRobot`] for recordings that are
-    /// not of the bedroom, [`ExperimentError::ReplayDiffers`] for one that shows something else.
+    /// not of the bedroom, [`ExperimentError::CameraDiffers`] for one of other cameras or sizes,
+    /// [`ExperimentError::ReplayDiffers`] for one that shows something else.
     pub fn new(
         trajectory: &Trajectory,
         seed: u64,
@@ -53,14 +54,7 @@ impl Replay {
         let mut insights = Vec::with_capacity(actions.len());
         for (step, action) in actions.iter().enumerate() {
             let recorded = &trajectory.steps[step].observation;
-            let difference = difference_levels(recorded, &bedroom.observe());
-            if difference > SAME_PICTURE_LEVELS {
-                return Err(ExperimentError::ReplayDiffers {
-                    recording: trajectory.id.clone(),
-                    step,
-                    difference,
-                });
-            }
+            ensure_same_pictures(&trajectory.id, step, recorded, &bedroom.observe())?;
             insights.push(bedroom.insight());
             bedroom.act(*action);
         }
@@ -128,8 +122,57 @@ fn likeliest_config(trajectory: &Trajectory, task: BedroomTask, seed: u64) -> Be
     best.1
 }
 
+/// Checks that what a recording shows at a step is what the room shows when it is lived through again.
+///
+/// # Errors
+/// [`ExperimentError::CameraDiffers`] for pictures of other cameras or sizes, [`ExperimentError::ReplayDiffers`] for
+/// pictures of something else.
+pub(super) fn ensure_same_pictures(
+    recording: &str,
+    step: usize,
+    recorded: &Observation,
+    replayed: &Observation,
+) -> Result<(), ExperimentError> {
+    if let Some(camera) = differing_camera(recorded, replayed) {
+        let printed = |observation: &Observation| {
+            size_of(observation, camera).map_or_else(
+                || "missing".to_owned(),
+                |[height, width]| format!("{height}x{width}"),
+            )
+        };
+        return Err(ExperimentError::CameraDiffers {
+            recording: recording.to_owned(),
+            step,
+            camera: camera.to_owned(),
+            found: printed(recorded),
+            expected: printed(replayed),
+        });
+    }
+    let difference = difference_levels(recorded, replayed);
+    if difference > SAME_PICTURE_LEVELS {
+        return Err(ExperimentError::ReplayDiffers {
+            recording: recording.to_owned(),
+            step,
+            difference,
+        });
+    }
+    Ok(())
+}
+
+/// The first camera that only one of them has, or that has another size in each.
+fn differing_camera<'a>(recorded: &'a Observation, replayed: &'a Observation) -> Option<&'a str> {
+    let mut names = replayed.iter().chain(recorded.iter()).map(|(name, _)| name);
+    names.find(|name| size_of(recorded, name) != size_of(replayed, name))
+}
+
+/// Rows and columns of a camera's picture; none where there is none.
+fn size_of(observation: &Observation, camera: &str) -> Option<[u32; 2]> {
+    let image = observation.image(camera).ok()?;
+    Some([image.height(), image.width()])
+}
+
 /// Mean difference of the channels of all pixels of all cameras, infinite where cameras or sizes differ.
-pub(super) fn difference_levels(recorded: &Observation, replayed: &Observation) -> f64 {
+fn difference_levels(recorded: &Observation, replayed: &Observation) -> f64 {
     if recorded.cameras() != replayed.cameras() {
         return f64::INFINITY;
     }
@@ -145,8 +188,11 @@ pub(super) fn difference_levels(recorded: &Observation, replayed: &Observation) 
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::simulator::demonstrate;
+    use crate::trajectory::CameraSpec;
 
     #[test]
     fn a_recording_is_lived_through_again_and_another_seed_is_not() {
@@ -177,5 +223,52 @@ mod tests {
         other.task = "cook".to_owned();
         let error = Replay::new(&other, 3, None).expect_err("no such task");
         assert!(error.to_string().contains("no task 'cook'"), "{error}");
+    }
+
+    #[test]
+    fn of_pictures_of_other_cameras_or_sizes_it_is_said_which_and_how_large() {
+        let task = BedroomTask::Wine;
+        let config = BedroomConfig::paper(task);
+        let shown =
+            demonstrate(&mut Bedroom::new(config), task, 3).expect("the room does not fail");
+        let seen = &shown.trajectory.steps[0].observation;
+        let cameras = seen.cameras();
+        let [head, wrist] = &cameras[..] else {
+            panic!("two cameras: {cameras:?}");
+        };
+        let small = CameraSpec {
+            height: 45,
+            width: 80,
+            ..head.clone()
+        };
+        let fitted = |cameras: &[CameraSpec]| seen.fitted(cameras).expect("they are there");
+        let image = seen.image("head").expect("it is there");
+        let third = ("ceiling".to_owned(), image.clone());
+        let both = seen
+            .iter()
+            .map(|(name, image)| (name.to_owned(), image.clone()));
+        let others = [
+            (
+                fitted(&[small, wrist.clone()]),
+                "camera 'head' is 45x80 in the recording and 90x160 in the bedroom",
+            ),
+            (
+                fitted(std::slice::from_ref(head)),
+                "camera 'wrist' is missing in the recording and 90x160 in the bedroom",
+            ),
+            (
+                Observation::new(both.chain([third])),
+                "camera 'ceiling' is 90x160 in the recording and missing in the bedroom",
+            ),
+        ];
+        for (other, told) in others {
+            let mut trajectory = shown.trajectory.clone();
+            trajectory.steps[0].observation = Arc::new(other);
+            for noted in [None, Some(config)] {
+                let error = Replay::new(&trajectory, 3, noted).expect_err("other pictures");
+                let said = error.to_string();
+                assert!(said.contains(told) && said.contains("at step 0"), "{said}");
+            }
+        }
     }
 }

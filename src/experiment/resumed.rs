@@ -1,4 +1,4 @@
-use super::replay::{SAME_PICTURE_LEVELS, difference_levels};
+use super::replay::ensure_same_pictures;
 use super::{ExperimentError, ScoredBedroom, SubgoalOutcome};
 use crate::environment::{Environment, EnvironmentError};
 use crate::trajectory::{Action, ActionSpace, CameraSpec, Observation, Trajectory};
@@ -19,6 +19,7 @@ impl ResumedBedroom {
     ///
     /// # Errors
     /// [`ExperimentError::ReplayDiffers`] when the recording is of another room or seed,
+    /// [`ExperimentError::CameraDiffers`] when it is of other cameras or sizes,
     /// [`ExperimentError::NeverReached`] when it does not come to that stage, or not in order, and
     /// [`ExperimentError::Environment`] when it holds an action that the room refuses.
     pub fn new(
@@ -36,14 +37,7 @@ impl ResumedBedroom {
                     missing: missing(&room, stage),
                 });
             };
-            let difference = difference_levels(&step.observation, &seen);
-            if difference > SAME_PICTURE_LEVELS {
-                return Err(ExperimentError::ReplayDiffers {
-                    recording: recorded.id.clone(),
-                    step: actions.len(),
-                    difference,
-                });
-            }
+            ensure_same_pictures(&recorded.id, actions.len(), &step.observation, &seen)?;
             seen = room.step(&step.action)?;
             actions.push(step.action.clone());
         }
@@ -145,8 +139,8 @@ mod tests {
         let grasped = marker.expect("it was marked").step;
         assert_eq!(resumed.replayed_steps(), grasped);
         let seen = resumed.reset(77).expect("the room does not fail");
-        let difference = difference_levels(&recorded.steps[grasped].observation, &seen);
-        assert!(difference <= SAME_PICTURE_LEVELS, "{difference}");
+        let shown = &recorded.steps[grasped].observation;
+        ensure_same_pictures(&recorded.id, grasped, shown, &seen).expect("it is seen again");
         for step in &recorded.steps[grasped..] {
             resumed.step(&step.action).expect("the room does not fail");
         }
