@@ -15,7 +15,8 @@ pub struct ResumedBedroom {
 
 impl ResumedBedroom {
     /// Does again what was recorded in the episode of `seed` until the first `stage` subgoals of the room's
-    /// score are reached, and compares every picture on the way.
+    /// score are reached, and compares every picture on the way: from the first one, at stage 0 too, to that after
+    /// the last action, where the recording has it.
     ///
     /// # Errors
     /// [`ExperimentError::ReplayDiffers`] when the recording is of another room or seed,
@@ -30,14 +31,20 @@ impl ResumedBedroom {
     ) -> Result<Self, ExperimentError> {
         let mut actions = Vec::new();
         let mut seen = room.reset(seed)?;
-        while !is_reached(&room, stage) {
-            let Some(step) = recorded.steps.get(actions.len()) else {
+        loop {
+            let step = recorded.steps.get(actions.len());
+            if let Some(step) = step {
+                ensure_same_pictures(&recorded.id, actions.len(), &step.observation, &seen)?;
+            }
+            if is_reached(&room, stage) {
+                break;
+            }
+            let Some(step) = step else {
                 return Err(ExperimentError::NeverReached {
                     recording: recorded.id.clone(),
                     missing: missing(&room, stage),
                 });
             };
-            ensure_same_pictures(&recorded.id, actions.len(), &step.observation, &seen)?;
             seen = room.step(&step.action)?;
             actions.push(step.action.clone());
         }
@@ -110,6 +117,8 @@ impl Environment for ResumedBedroom {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::simulator::{Bedroom, BedroomConfig, BedroomTask, demonstrate};
     use crate::task::{Automaton, Subgoal, Task};
@@ -156,5 +165,46 @@ mod tests {
             other,
             Some(ExperimentError::ReplayDiffers { step: 0, .. })
         ));
+    }
+
+    #[test]
+    fn the_pictures_at_which_an_episode_is_begun_and_gone_on_with_are_compared_too() {
+        let config = BedroomConfig::paper(BedroomTask::Wine);
+        let shown = demonstrate(&mut Bedroom::new(config), BedroomTask::Wine, 3)
+            .expect("the room does not fail");
+        let recorded = shown.trajectory;
+        let grasp = Subgoal {
+            task: "wine".to_owned(),
+            name: "tissue_grasped".to_owned(),
+        };
+        let wine = Task {
+            name: "wine".to_owned(),
+            subgoals: vec![grasp],
+        };
+        let automaton = Automaton::in_order(&[wine]);
+        let resumed = |recorded: &Trajectory, seed: u64, stage: usize| {
+            let room = ScoredBedroom::new(Bedroom::new(config), &automaton);
+            ResumedBedroom::new(room, recorded, seed, stage).map(|room| room.replayed_steps())
+        };
+        // At stage 0 nothing is done again, and the room is compared all the same.
+        assert!(matches!(resumed(&recorded, 3, 0), Ok(0)));
+        let other = resumed(&recorded, 4, 0);
+        assert!(
+            matches!(other, Err(ExperimentError::ReplayDiffers { step: 0, .. })),
+            "{other:?}"
+        );
+        let grasped = recorded.marker_step("tissue_grasped");
+        let grasped = grasped.expect("it was marked");
+        let mut changed = recorded.clone();
+        changed.steps[grasped].observation = Arc::clone(&recorded.steps[0].observation);
+        let other = resumed(&changed, 3, 1);
+        assert!(
+            matches!(other, Err(ExperimentError::ReplayDiffers { step, .. }) if step == grasped),
+            "{other:?}"
+        );
+        // A recording that ends with the last action that is done again has no picture after it.
+        changed.steps.truncate(grasped);
+        let whole = resumed(&changed, 3, 1);
+        assert!(matches!(whole, Ok(steps) if steps == grasped), "{whole:?}");
     }
 }
