@@ -71,7 +71,8 @@ impl Track {
 
 impl LocalisationScore {
     /// Shows recordings of the composition to a monitor, one after another. Each comes with its subgoals
-    /// and the steps at which they are reached.
+    /// and the steps at which they are reached, as [`locate_subgoals`](crate::task::locate_subgoals) gives them. One
+    /// that is reached before an earlier one counts once that one is reached.
     ///
     /// # Errors
     /// [`RolloutError`] when a network gives no answer.
@@ -134,15 +135,17 @@ fn stretches(layout: &Layout) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// The stage of a step, and where a typical demonstration would be at its share of the stretch.
+/// The stage of a step (so many subgoals are reached, none left out), and where a typical demonstration would be at its
+/// share of the stretch.
 fn place_of(
     step: usize,
     steps: usize,
     subgoals: &[(Subgoal, usize)],
     stretches: &[(f64, f64)],
 ) -> (usize, f64) {
-    let stage = subgoals.iter().filter(|(_, at)| *at <= step).count();
-    let from = stage.checked_sub(1).map_or(0, |last| subgoals[last].1);
+    let stage = subgoals.iter().take_while(|(_, at)| *at <= step).count();
+    let reached = subgoals[..stage].iter().map(|(_, at)| *at);
+    let from = reached.max().unwrap_or(0);
     let to = subgoals.get(stage).map_or(steps, |(_, at)| *at);
     let share = (step - from) as f64 / (to - from).max(1) as f64;
     let (start, length) = stretches[stage.min(stretches.len() - 1)];
@@ -197,6 +200,16 @@ mod tests {
         assert_eq!(at(10), (0, 5.0));
         assert_eq!(at(20), (1, 10.0));
         assert_eq!(at(24), (1, 12.0));
+    }
+
+    #[test]
+    fn a_subgoal_that_is_reached_before_an_earlier_one_counts_once_that_is_reached() {
+        let stretches = [(0.0, 10.0), (10.0, 4.0), (14.0, 4.0)];
+        let at = |step| place_of(step, 28, &subgoals(&[20, 10]), &stretches);
+        assert_eq!(at(5), (0, 2.5));
+        assert_eq!(at(15), (0, 7.5));
+        assert_eq!(at(20), (2, 14.0));
+        assert_eq!(at(24), (2, 16.0));
     }
 
     #[test]
