@@ -23,7 +23,8 @@ mod world;
 pub use bedroom::{Bedroom, BedroomConfig, CAMERA_HEIGHT, CAMERA_WIDTH, HEAD_CAMERA, WRIST_CAMERA};
 pub use kinematics::{Joints, Tool};
 pub use operator::{
-    Demonstration, Habits, LONGEST_STEPS, Operator, Practice, demonstrate, demonstrate_on,
+    Demonstration, Habits, HabitsError, LONGEST_STEPS, Operator, Practice, demonstrate,
+    demonstrate_on,
 };
 pub use primitive::Primitive;
 pub(crate) use primitive::{DRIVE_STEP_M, TOOL_STEP_M, TURN_STEP_RAD, WRIST_STEP_RAD};

@@ -3,6 +3,7 @@
 //! Watches the truth before every key press, so what goes wrong is put right; takes one of several
 //! routes, overshoots, hesitates, presses the wrong key and misses a grasp now and then.
 
+mod chances;
 mod demonstration;
 mod grasp;
 mod plan;
@@ -18,9 +19,10 @@ use super::world::Graspable;
 use grasp::{Grasp, Misjudgement};
 use stage::Stage;
 
+pub use chances::HabitsError;
 pub use demonstration::{Demonstration, LONGEST_STEPS, demonstrate, demonstrate_on};
 
-/// How often the operator is less than perfect.
+/// How often the operator is less than perfect. Chances are within 0..=1; [`check`](Self::check) tells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Habits {
     /// Chance that a part of the plan has a turn that goes one primitive too far.
@@ -107,8 +109,14 @@ const ARM_KEYS: [Primitive; 6] = [
 
 impl Operator {
     /// An operator for one task from the state that `insight` shows, whichever that is.
+    ///
+    /// # Panics
+    /// If a habit is no chance: [`Habits::check`] tells before.
     #[must_use]
     pub fn new(task: BedroomTask, insight: &Insight, habits: Habits, seed: u64) -> Self {
+        if let Err(fault) = habits.check() {
+            panic!("{fault}");
+        }
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let stages = plan::stages(task, insight, &mut rng);
         let mut operator = Self {

@@ -52,13 +52,20 @@ pub fn demonstrate(
 /// Demonstrates `task` from whatever state the bedroom is in.
 ///
 /// # Errors
-/// [`EnvironmentError`] when the bedroom fails, which the simulated one does not.
+/// [`EnvironmentError::ActionRefused`] for habits that [`Habits::check`] refuses; others when the bedroom fails, which
+/// the simulated one does not.
 pub fn demonstrate_on(
     bedroom: &mut Bedroom,
     task: BedroomTask,
     habits: Habits,
     seed: u64,
 ) -> Result<Demonstration, EnvironmentError> {
+    habits
+        .check()
+        .map_err(|fault| EnvironmentError::ActionRefused {
+            action: format!("a demonstration of {}", task.name()),
+            reason: fault.to_string(),
+        })?;
     let mut operator = Operator::new(task, &bedroom.insight(), habits, seed ^ OPERATOR_STREAM);
     let mut steps: Vec<Step> = Vec::new();
     let mut markers: Vec<Marker> = Vec::new();
