@@ -100,6 +100,9 @@ pub struct ChainPart {
 
 impl ChainPart {
     /// The first task as a whole; of each later one the way to its first subgoal, and from there to its last.
+    ///
+    /// # Panics
+    /// If there are fewer tallies than subgoals.
     #[must_use]
     pub fn of(automaton: &Automaton, subgoals: &[SubgoalTally], episodes: usize) -> Vec<Self> {
         let named = automaton.subgoals().iter();
@@ -165,6 +168,9 @@ pub struct ChainingCell {
 
 impl ChainingCell {
     /// A cell out of an evaluation, of a whole experiment, which names no commands and digests.
+    ///
+    /// # Panics
+    /// If the evaluation has fewer subgoals than the automaton.
     #[must_use]
     pub fn new(
         method: ChainingMethod,

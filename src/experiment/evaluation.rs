@@ -123,6 +123,9 @@ impl EpisodeResult {
 
 impl Evaluation {
     /// Sums up episodes of one composition, whose subgoals are named in order.
+    ///
+    /// # Panics
+    /// If an episode has fewer outcomes than there are subgoals.
     #[must_use]
     pub fn new(
         name: &str,
