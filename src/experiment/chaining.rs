@@ -99,7 +99,9 @@ pub struct ChainPart {
 }
 
 impl ChainPart {
-    /// The first task as a whole; of each later one the way to its first subgoal, and from there to its last.
+    /// The first task as a whole; of each later one the way to its first subgoal and, where it has more, from there to
+    /// its last. Rounds of one task that follow each other are taken as one task, whose last subgoal is that of the last
+    /// round.
     ///
     /// # Panics
     /// If there are fewer tallies than subgoals.
@@ -269,6 +271,19 @@ mod tests {
             told,
             [("a", 8, 10), ("to b", 6, 8), ("to c", 3, 6), ("c", 0, 3)]
         );
+    }
+
+    #[test]
+    fn rounds_that_follow_each_other_are_one_part() {
+        let (twice, once) = (task("a", &["x", "y"]), task("b", &["z"]));
+        let automaton = Automaton::in_order(&[twice.clone(), twice, once]);
+        let tallies: Vec<_> = [9, 8, 6, 5, 4].map(tally).to_vec();
+        let parts = ChainPart::of(&automaton, &tallies, 10);
+        let told: Vec<_> = parts
+            .iter()
+            .map(|p| (p.name.as_str(), p.reached, p.of))
+            .collect();
+        assert_eq!(told, [("a", 5, 10), ("to b", 4, 5)]);
     }
 
     #[test]
