@@ -20,7 +20,7 @@ pub struct ShortcutDetection {
     pub rightly_flagged: usize,
     /// Share of the flags that are right; none where nothing was flagged.
     pub precision: Option<f64>,
-    /// Share of the shortcuts that were flagged; none where there was no shortcut.
+    /// Share of the shortcuts that were rightly flagged; none where there was no shortcut.
     pub recall: Option<f64>,
     /// Steps from the shortcut to its flag at the median, the upper one of an even number; negative where the flag came
     /// first.
