@@ -17,6 +17,7 @@ use crate::task::TaskError;
 use crate::training::TrainingError;
 use crate::trajectory::TrajectoryError;
 use crate::view::ViewError;
+use crate::wording::counted;
 
 /// Why a command failed; the rooms' errors as they are, and what only the command line knows.
 #[derive(Debug, Error)]
@@ -341,7 +342,9 @@ pub(super) enum CliError {
     },
     /// Another number of folders than of tasks.
     #[error(
-        "--demos names {found} folders, but there are {expected} tasks: name a folder for each of {tasks}, in that order"
+        "--demos names {} for {}; name one folder a task, in this order: {tasks}",
+        counted(*found, "folder"),
+        counted(*expected, "task")
     )]
     FoldersOfTasks {
         /// The tasks.

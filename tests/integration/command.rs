@@ -462,7 +462,7 @@ fn a_task_that_is_done_twice_is_judged_on_one_folder_of_recordings() {
         text(&output.stderr)
     };
     let said = refused(&["/nowhere/trash", "/nowhere/again"]);
-    assert!(said.contains("names 2 folders"), "{said}");
+    assert!(said.contains("names 2 folders for 1 task; "), "{said}");
     let said = refused(&["/nowhere/trash"]);
     assert!(said.contains("/nowhere/trash"), "{said}");
 }
