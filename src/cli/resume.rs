@@ -31,10 +31,11 @@ pub(super) struct ResumeReport {
 }
 
 impl ResumeReport {
-    /// What the run's recording says of itself, which begins where the other one had come to.
-    pub(super) fn note(&self) -> (String, String) {
+    /// What the run's recording says of itself where it begins in the middle of the episode; one of the whole episode
+    /// says nothing.
+    pub(super) fn note(&self) -> Option<(String, String)> {
         let recording = self.recording.display().to_string();
-        (RESUMED_NOTE.to_owned(), recording)
+        (self.replayed_steps > 0).then(|| (RESUMED_NOTE.to_owned(), recording))
     }
 }
 
@@ -143,6 +144,21 @@ pub(super) fn room(
 mod tests {
     use super::*;
     use crate::task::{Subgoal, Task};
+
+    #[test]
+    fn a_recording_names_the_one_that_it_was_gone_on_from_where_it_lacks_the_beginning() {
+        let note = |replayed_steps| {
+            let report = ResumeReport {
+                stage: 0,
+                recording: PathBuf::from("first.mcap"),
+                replayed_steps,
+            };
+            report.note()
+        };
+        assert_eq!(note(0), None);
+        let named = (RESUMED_NOTE.to_owned(), "first.mcap".to_owned());
+        assert_eq!(note(7), Some(named));
+    }
 
     #[test]
     fn a_run_does_not_replace_the_recording_that_it_goes_on_from() {

@@ -381,7 +381,7 @@ impl Recorder<'_> {
             robot: "LoCoBot (simulated)".to_owned(),
             seed: Some(seed),
             success: Some(result.success),
-            notes: resumed.map(ResumeReport::note).into_iter().collect(),
+            notes: resumed.and_then(ResumeReport::note).into_iter().collect(),
         })?;
         Ok(())
     }
