@@ -34,7 +34,7 @@ struct Summary {
     subgoals: Vec<SubgoalSummary>,
     result: EpisodeResult,
     events: Vec<Event>,
-    /// The upper one of an even number.
+    /// Median time of a step in milliseconds, the upper one of an even number.
     step_median_ms: f64,
     engine: String,
     model: String,
