@@ -119,8 +119,7 @@ impl Composition {
             return None;
         }
         let orders = orders?;
-        let first = spec.first_order(&orders);
-        let Some(first) = first.filter(|order| !order.is_empty()) else {
+        let Some(first) = spec.first_order(&orders) else {
             let fault = Diagnostic::error("the order has no way on which a task is done");
             faults.add(fault.help("name at least one task that is to be done"));
             return None;

@@ -47,13 +47,12 @@ impl CompositionSpec {
             .ok()
     }
 
-    /// The first of the orders that end as they are to.
+    /// The first of the orders that end as they are to, but for that of no task.
     pub(super) fn first_order(&self, orders: &OrderAutomaton) -> Option<Vec<String>> {
         let last = self.final_task.as_ref().map(|task| task.value.as_str());
         // At most one of them is that of no task.
         let ending = orders.orders_ending_with(last, 2);
-        let first = ending.into_iter().find(|order| !order.is_empty());
-        first.or_else(|| orders.orders(1).pop())
+        ending.into_iter().find(|order| !order.is_empty())
     }
 
     pub(super) fn check_final_task(&self, orders: &OrderAutomaton, faults: &mut Faults) {
