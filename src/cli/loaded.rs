@@ -224,20 +224,20 @@ fn ensure_same_subgoals(
 
 /// Digests of the graphs of a composition's tasks, each as `task:digest`.
 pub(super) fn graph_digests(composition: &Composition) -> Result<Vec<String>, CliError> {
-    let written = |(task, digest): (String, String)| format!("{task}:{digest}");
-    Ok(digests_by_task(composition)?.map(written).collect())
+    let all = digests_by_task(composition)?.into_iter();
+    let written = all.map(|(task, digest)| format!("{task}:{digest}"));
+    Ok(written.collect())
 }
 
 /// The same digests with the tasks' names.
 pub(super) fn digests_by_task(
     composition: &Composition,
-) -> Result<impl Iterator<Item = (String, String)>, CliError> {
+) -> Result<Vec<(String, String)>, CliError> {
     let digest = |task: &ResolvedTask| {
         let digest = sha256_file(&task.graph.join("manifest.json"))?;
         Ok((task.task.name.clone(), digest))
     };
-    let all: Result<Vec<_>, CliError> = composition.all_tasks().map(digest).collect();
-    Ok(all?.into_iter())
+    composition.all_tasks().map(digest).collect()
 }
 
 /// Whether a composition's world is the simulated bedroom; robots of one's own may have another, or none.

@@ -209,7 +209,7 @@ fn recipe(loaded: &Loaded, evaluated: &EvaluateArguments) -> Result<Recipe, CliE
 /// cells name them.
 fn named_digests(composition: &Composition) -> Result<Digests, CliError> {
     let mut digests = digests_of(&composition.model, None)?;
-    let graphs = digests_by_task(composition)?;
+    let graphs = digests_by_task(composition)?.into_iter();
     digests.extend(graphs.map(|(task, digest)| (format!("graph of {task}"), digest)));
     Ok(digests)
 }
