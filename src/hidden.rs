@@ -25,6 +25,12 @@ pub(crate) fn moved_from(folder: &Path) -> Option<PathBuf> {
     (!folder.exists() && previous.exists()).then_some(previous)
 }
 
+/// How people bring a folder back from where it was moved to.
+pub(crate) fn way_back(folder: &Path, previous: &Path) -> String {
+    let (folder, previous) = (folder.display(), previous.display());
+    format!("a command that was killed had moved it away; bring it back: mv {previous} {folder}")
+}
+
 /// Brings such a folder back, if there is one.
 pub(crate) fn bring_back(folder: &Path) -> io::Result<()> {
     match moved_from(folder) {

@@ -8,7 +8,7 @@ use super::reader::{listed, suggestion};
 use super::resolved_task::ResolvedTask;
 use super::source::Origin;
 use crate::graph::{Node, TopologicalGraph};
-use crate::hidden::moved_from;
+use crate::hidden::{moved_from, way_back};
 use crate::planner::FinalChoice;
 
 impl Composition {
@@ -90,12 +90,6 @@ impl Composition {
             _ => {}
         }
     }
-}
-
-/// How a folder comes back that a command which was killed had moved away.
-fn way_back(folder: &Path, previous: &Path) -> String {
-    let (folder, previous) = (folder.display(), previous.display());
-    format!("a command that was killed had moved it away; bring it back: mv {previous} {folder}")
 }
 
 fn check_subgoals(task: &ResolvedTask, nodes: &[&Node], faults: &mut Faults) {

@@ -3,6 +3,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use crate::hidden::way_back;
 use crate::model::ManifestError;
 
 /// Why no engine or no model could be had.
@@ -18,10 +19,7 @@ pub enum InferenceError {
         source: io::Error,
     },
     /// The folder was moved away by a command that was killed before another took its place.
-    #[error(
-        "there is no {folder}: a command that was killed had moved it away; bring it back: \
-         mv {previous} {folder}"
-    )]
+    #[error("there is no {}: {}", folder.display(), way_back(folder, previous))]
     MovedAway {
         /// The folder of the model or the baseline.
         folder: PathBuf,
