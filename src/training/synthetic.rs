@@ -51,6 +51,18 @@ pub fn with_wrist_called(set: &DemonstrationSet, name: &str) -> DemonstrationSet
     DemonstrationSet::new(set.task(), trajectories).expect("made alike")
 }
 
+/// The same demonstrations, seen by one camera alone.
+pub fn seen_by(set: &DemonstrationSet, camera: &str) -> DemonstrationSet {
+    let mut trajectories = set.trajectories().to_vec();
+    for trajectory in &mut trajectories {
+        for step in &mut trajectory.steps {
+            let image = step.observation.image(camera).expect("it is there").clone();
+            step.observation = Arc::new(Observation::new([(camera.to_owned(), image)]));
+        }
+    }
+    DemonstrationSet::new(set.task(), trajectories).expect("made alike")
+}
+
 /// Demonstrations of any size.
 pub fn demonstrations_sized(
     task: &str,

@@ -245,15 +245,13 @@ fn moments(rows: &[Vec<f32>]) -> (Vec<f32>, Vec<f32>) {
 #[cfg(test)]
 #[cfg(feature = "simulator")]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
     use crate::inference::{EngineChoice, Model};
     use crate::model::{GraspSight, LANDMARKS_FILE, LandmarkBook};
     use crate::simulator::{Bedroom, BedroomConfig, BedroomTask, Habits, Practice, demonstrate_on};
     use crate::training::landmarks::{GripperPractice, Landmarks};
-    use crate::training::{FinishedModel, TrainedModel, TrainingConfig, export};
-    use crate::trajectory::{DemonstrationSet, Observation};
+    use crate::training::{FinishedModel, TrainedModel, TrainingConfig, export, synthetic};
+    use crate::trajectory::DemonstrationSet;
 
     const MISSES: Habits = Habits {
         overshoot: 0.0,
@@ -390,23 +388,11 @@ mod tests {
         );
     }
 
-    /// The same, seen by the camera on the gripper alone.
-    fn seen_by_wrist(set: &DemonstrationSet) -> DemonstrationSet {
-        let mut trajectories = set.trajectories().to_vec();
-        for trajectory in &mut trajectories {
-            for step in &mut trajectory.steps {
-                let image = step.observation.image("wrist").unwrap().clone();
-                step.observation = Arc::new(Observation::new([("wrist".to_owned(), image)]));
-            }
-        }
-        DemonstrationSet::new(set.task(), trajectories).unwrap()
-    }
-
     #[test]
     fn a_model_is_taught_the_same_by_demonstrations_that_more_cameras_saw() {
         let config = bedroom();
         let by_two = [set(1..3, MISSES)];
-        let by_one = [seen_by_wrist(&by_two[0])];
+        let by_one = [synthetic::seen_by(&by_two[0], "wrist")];
         let mut model = TrainedModel::untrained(&Dataset::new(&by_one).unwrap(), &config);
         model.landmarks = Some(book(&by_one, &config));
         let place = tempfile::tempdir().unwrap();

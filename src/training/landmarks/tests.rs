@@ -1,10 +1,8 @@
-use std::sync::Arc;
-
 use super::*;
 use crate::model::{Latents, ModelError};
 use crate::training::trained_model::spec_of;
 use crate::training::{NetworkVariant, Preset, synthetic};
-use crate::trajectory::{DemonstrationSet, Marker, Observation, State, Trajectory};
+use crate::trajectory::{DemonstrationSet, Marker, State, Trajectory};
 
 const NAMES: [&str; 4] = ["left", "ahead", "gripper_close", "gripper_open"];
 
@@ -327,18 +325,6 @@ fn recorded(task: &str, actions: &[usize; 9], reached: &[usize]) -> Demonstratio
     DemonstrationSet::new(task, trajectories).unwrap()
 }
 
-/// The same, seen by one camera alone.
-fn seen_by(camera: &str, set: &DemonstrationSet) -> DemonstrationSet {
-    let mut trajectories = set.trajectories().to_vec();
-    for trajectory in &mut trajectories {
-        for step in &mut trajectory.steps {
-            let image = step.observation.image(camera).unwrap().clone();
-            step.observation = Arc::new(Observation::new([(camera.to_owned(), image)]));
-        }
-    }
-    DemonstrationSet::new(set.task(), trajectories).unwrap()
-}
-
 #[test]
 fn practice_needs_the_camera_on_the_gripper_alone() {
     let mut config = config();
@@ -354,8 +340,10 @@ fn practice_needs_the_camera_on_the_gripper_alone() {
     };
     let by_both = check(&run).unwrap();
     assert_eq!(by_both, Practised { empty: 14, held: 0 });
-    assert_eq!(check(&seen_by("wrist", &run)).unwrap(), by_both);
-    let message = check(&seen_by("head", &run)).unwrap_err().to_string();
+    assert_eq!(check(&synthetic::seen_by(&run, "wrist")).unwrap(), by_both);
+    let message = check(&synthetic::seen_by(&run, "head"))
+        .unwrap_err()
+        .to_string();
     assert!(
         message.contains("the demonstrations have a camera 'wrist' of 16x24, and it does not"),
         "{message}"
