@@ -10,6 +10,7 @@ use crate::trajectory::{ActionSpace, CameraSpec, Marker};
 
 /// What a recording holds and what was lost of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct RecordingReport {
     /// The file.
     pub path: PathBuf,
