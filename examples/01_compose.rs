@@ -10,7 +10,7 @@ use catena::composer::compose;
 use catena::graph::{MergeOptions, merge};
 use catena::inference::{EngineChoice, Model};
 use catena::planner::{Planner, PlannerOptions};
-use catena::storage::load_graph;
+use catena::storage::{ensure_same_model, load_graph};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -18,11 +18,12 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // One graph a task, joined by the edges that the traversability function finds between them.
     let model = Model::load(&composition.model, EngineChoice::Auto)?;
-    let graphs = composition
-        .tasks
-        .iter()
-        .map(|task| Ok(load_graph(&task.graph)?.0))
-        .collect::<Result<Vec<_>, Box<dyn Error>>>()?;
+    let mut graphs = Vec::new();
+    for task in composition.all_tasks() {
+        let (graph, manifest) = load_graph(&task.graph)?;
+        ensure_same_model(&task.graph, &manifest.model_digest, &model.digest())?;
+        graphs.push(graph);
+    }
     let follows: Vec<(&str, &str)> = composition.follows().into_iter().collect();
     let merged = merge(
         &graphs.iter().collect::<Vec<_>>(),
@@ -42,7 +43,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let planner = Planner::new(
             Arc::clone(&graph),
             &composition.automaton,
-            &composition.final_choice,
+            composition.terms(),
             options,
         )?;
         match planner.plan_from_start() {

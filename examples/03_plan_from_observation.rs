@@ -13,18 +13,23 @@ use catena::inference::{EngineChoice, Model};
 use catena::model::{Encoder, LocalPolicy, Traversability};
 use catena::planner::{FilterOptions, LiveDistances, Planner};
 use catena::simulator::{Bedroom, BedroomConfig, BedroomTask};
-use catena::storage::load_graph;
+use catena::storage::{ensure_same_model, load_graph};
 use catena::trajectory::State;
+
+/// States that are less probably near are not asked how far the robot is from them.
+const NEAR_PROBABILITY: f32 = 0.02;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let composition = compose_named("trash", root)?;
     let model = Model::load(&composition.model, EngineChoice::Auto)?;
-    let (graph, _) = load_graph(&composition.tasks[0].graph)?;
+    let folder = &composition.tasks[0].graph;
+    let (graph, manifest) = load_graph(folder)?;
+    ensure_same_model(folder, &manifest.model_digest, &model.digest())?;
     let planner = Planner::new(
         Arc::new(graph),
         &composition.automaton,
-        &composition.final_choice,
+        composition.terms(),
         composition.planner.clone(),
     )?;
 
@@ -33,17 +38,19 @@ fn main() -> Result<(), Box<dyn Error>> {
     let spec = model.spec();
     let state = State::from_history(&[Arc::new(observation)], spec.stack);
 
+    // The filter remembers: it is made once an episode, and what the states are projected to once a graph.
+    let mut filter = planner.stage_filter(FilterOptions::default());
+    let projections = model.project(planner.graph().latents())?;
+
     let latent = model.encode(&[state])?;
     let distances = LiveDistances::query(
         &model,
-        &model.project(planner.graph().latents())?,
+        &projections,
         &model.project(&latent)?,
-        &planner.stage_filter(FilterOptions::default()).candidates(),
-        0.02,
+        &filter.candidates(),
+        NEAR_PROBABILITY,
     )?;
-    let localisation = planner
-        .stage_filter(FilterOptions::default())
-        .update(&distances);
+    let localisation = filter.update(&distances);
     let goal = planner.next_goal(&localisation, &distances)?;
     let policy = model.act(
         latent.row(0),

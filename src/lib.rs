@@ -20,7 +20,7 @@
 //! use catena::planner::Planner;
 //! use catena::rollout::{Rollout, RolloutModel, RolloutOptions};
 //! use catena::simulator::{Bedroom, BedroomConfig, BedroomTask};
-//! use catena::storage::load_graph;
+//! use catena::storage::{ensure_same_model, load_graph};
 //!
 //! let root = Path::new(".");
 //! let composition = compose(&root.join("tasks/sequences/sock_then_trash.yaml"), root)?;
@@ -29,7 +29,9 @@
 //! // One graph a task, joined where the model sees a way from one task to the next.
 //! let mut graphs = Vec::new();
 //! for task in composition.all_tasks() {
-//!     graphs.push(load_graph(&task.graph)?.0);
+//!     let (graph, manifest) = load_graph(&task.graph)?;
+//!     ensure_same_model(&task.graph, &manifest.model_digest, &model.digest())?;
+//!     graphs.push(graph);
 //! }
 //! let merged = merge(
 //!     &graphs.iter().collect::<Vec<_>>(),
