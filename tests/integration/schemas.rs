@@ -60,6 +60,7 @@ fn broken(
                 .iter()
                 .any(|one| fault(one, value, whole).is_none()),
         ),
+        "exclusiveMinimum" => told(value.as_f64().is_none_or(|v| v > number())),
         "minimum" => told(value.as_f64().is_none_or(|v| v >= number())),
         "maximum" => told(value.as_f64().is_none_or(|v| v <= number())),
         "minItems" => told(value.as_array().is_none_or(|v| v.len() >= count)),
@@ -79,14 +80,15 @@ fn broken(
         "properties" => value.as_object()?.iter().find_map(|(key, value)| {
             fault(given.get(key)?, value, whole).map(|f| format!("{key}: {f}"))
         }),
-        "additionalProperties" => {
-            let known = schema["properties"].as_object().expect("they are listed");
-            let unknown = value
-                .as_object()?
-                .keys()
-                .find(|key| !known.contains_key(*key))?;
-            Some(format!("unknown key {unknown}"))
-        }
+        "additionalProperties" => value.as_object()?.iter().find_map(|(key, value)| {
+            let is_known = schema.get("properties").and_then(|p| p.get(key)).is_some();
+            match given {
+                _ if is_known => None,
+                Value::Bool(false) => Some(format!("unknown key {key}")),
+                other => fault(other, value, whole).map(|f| format!("{key}: {f}")),
+            }
+        }),
+        "not" => told(fault(given, value, whole).is_some()),
         other => panic!("the check does not know the rule {other}"),
     }
 }
@@ -198,6 +200,15 @@ fn broken_mapping_files_are_refused_by_the_schema_too() {
         "recordings: a\nactions: {spacing: log}",
         "recordings: a\nactions: {bins: 0}",
         "recordings: a\nimage_size: {height: 4}",
+        "recordings: a\nimage_sizes: {head: {height: 4}}",
+        "recordings: a\nimage_sizes: {head: {height: 4, width: 0}}",
+        "recordings: a\ntopics: {cameras: {head: [/a]}}",
+        "recordings: a\nrate_hz: 0",
+        "recordings: a\nrate_hz: 5\nevery: 2",
+        "recordings: a\nactions: {dimensions: {x: {bin: 3}}}",
+        "recordings: a\nactions: {dimensions: {x: {bins: 0}}}",
+        "recordings: a\nactions: {dimensions: {x: {low: none}}}",
+        "recordings: a\nactions: {dimensions: {x: {combine: all}}}",
     ] {
         let value: Value = serde_yaml::from_str(text).expect("YAML");
         assert!(fault(&schema, &value, &schema).is_some(), "{text}");
