@@ -64,7 +64,7 @@ fn rust_files(folder: &Path, into: &mut Vec<PathBuf>) {
     }
 }
 
-/// Room of a source file, its path for messages, and its lines before the unit tests.
+/// Room of a source file, its path for messages, and its lines of code.
 fn sources() -> Vec<(String, String, Vec<String>)> {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut files = Vec::new();
@@ -81,17 +81,43 @@ fn sources() -> Vec<(String, String, Vec<String>)> {
                 .to_string_lossy()
                 .into_owned();
             let text = fs::read_to_string(&path).expect("a source file");
-            let code = text.split("#[cfg(test)]").next().unwrap_or_default();
-            let lines = code
-                .lines()
-                .map(|l| l.split("//").next().unwrap_or_default().to_owned())
-                .collect();
-            (room, relative.display().to_string(), lines)
+            (room, relative.display().to_string(), code_lines(&text))
         })
         .filter(|(room, ..)| room != "lib" && room != "main")
         // Tests of a room may compare it with another one of its floor.
         .filter(|(_, file, _)| !file.contains("/tests/") && !file.ends_with("/tests.rs"))
         .collect()
+}
+
+/// The lines of a formatted source file without comments; those of items that only tests have are empty.
+fn code_lines(text: &str) -> Vec<String> {
+    let mut lines = Vec::new();
+    // How far the item that is left out is indented.
+    let mut left_out: Option<usize> = None;
+    for line in text.lines() {
+        let code = line.trim_start();
+        let indent = line.len() - code.len();
+        if left_out.is_none() && code.starts_with("#[cfg(test)]") {
+            left_out = Some(indent);
+        } else if left_out.is_none() {
+            lines.push(line.split("//").next().unwrap_or_default().to_owned());
+            continue;
+        } else if left_out == Some(indent) && !code.starts_with('#') && code.ends_with([';', '}']) {
+            left_out = None;
+        }
+        lines.push(String::new());
+    }
+    lines
+}
+
+#[test]
+fn code_between_items_of_tests_is_looked_at() {
+    let text = "use a;\n#[cfg(test)]\nmod fakes;\nuse b; // c\n#[cfg(test)]\n#[d]\nmod tests {\n    use e;\n}\nuse f;";
+    let lines = code_lines(text);
+    assert_eq!(
+        lines,
+        ["use a;", "", "", "use b; ", "", "", "", "", "", "use f;"]
+    );
 }
 
 fn floor(room: &str) -> u32 {
