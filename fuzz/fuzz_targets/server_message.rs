@@ -9,7 +9,7 @@ fuzz_target!(|data: &[u8]| {
         let arrays = ["head", "wrist", "action"].map(|name| message.get(name));
         for array in arrays.into_iter().flatten() {
             if let Message::Array(array) = array {
-                array.values();
+                drop(array.values());
             }
         }
     }
