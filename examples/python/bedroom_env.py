@@ -28,6 +28,7 @@ class BedroomEnv(gymnasium.Env):
         }
         self.observation_space = gymnasium.spaces.Dict(images)
         self._seen = None
+        self._succeeded = False
 
     def reset(self, *, seed=None, options=None):
         """The same seed gives the same room; without one, a room drawn from the environment's own generator."""
@@ -37,7 +38,10 @@ class BedroomEnv(gymnasium.Env):
         return answer["observation"], self._info(answer)
 
     def step(self, action):
-        """The reward is 1 at the step at which the last subgoal is reached in its order."""
+        """The reward is 1 at the step at which the last subgoal is reached in its order.
+
+        Only the primitive `terminate` ends an episode; whoever wants a limit of steps wraps this in a `TimeLimit`.
+        """
         before = self._succeeded
         answer = self._ask({"action": int(action)})
         terminated = self.primitives[int(action)] == "terminate"
