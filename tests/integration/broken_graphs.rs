@@ -16,7 +16,7 @@ use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::command::{catena, path, root, text};
+use crate::command::{catena, json_of, path, root, text};
 
 /// Values of a latent in the shipped graphs.
 const LATENT_DIM: usize = 246;
@@ -60,8 +60,7 @@ impl Folder {
     /// Changes the manifest.
     fn change_manifest(&self, change: impl FnOnce(&mut Value)) {
         let file = self.graph.join("manifest.json");
-        let bytes = fs::read(&file).expect("the manifest");
-        let mut manifest: Value = serde_json::from_slice(&bytes).expect("JSON");
+        let mut manifest = json_of(&file);
         change(&mut manifest);
         fs::write(&file, manifest.to_string()).expect("written");
     }

@@ -47,6 +47,12 @@ pub(crate) fn path(path: &Path) -> &str {
     path.to_str().expect("UTF-8")
 }
 
+/// What a file of JSON holds.
+pub(crate) fn json_of(file: &Path) -> serde_json::Value {
+    let bytes = fs::read(file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+    serde_json::from_slice(&bytes).expect("JSON")
+}
+
 fn bytes_of(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let mut files: Vec<_> = fs::read_dir(folder)
         .expect("the folder is there")
@@ -263,8 +269,7 @@ fn a_run_leaves_its_files() {
         let length = fs::metadata(out.join(name)).expect(name).len();
         assert!(length > 1000, "{name} has {length} bytes");
     }
-    let summary = fs::read(out.join("summary.json")).expect("the summary");
-    let summary: serde_json::Value = serde_json::from_slice(&summary).expect("JSON");
+    let summary = json_of(&out.join("summary.json"));
     assert_eq!(summary["result"]["steps"], 8);
     assert_eq!(summary["success"], false);
     let report = succeeded(&["demos", path(&out.join("rollout.mcap"))]);
@@ -291,11 +296,7 @@ fn a_run_goes_on_from_the_stage_that_an_earlier_one_had_come_to() {
     };
     let output = resume("drawer_open", &["--from", path(&recording)]);
     assert!(output.status.success(), "{}", text(&output.stderr));
-    let read = |folder: &Path| -> serde_json::Value {
-        let summary = fs::read(folder.join("summary.json")).expect("the summary");
-        serde_json::from_slice(&summary).expect("JSON")
-    };
-    let (before, after) = (read(&first), read(&second));
+    let [before, after] = [&first, &second].map(|folder| json_of(&folder.join("summary.json")));
     let reached = &before["subgoals"][0]["step"];
     assert!(reached.is_u64(), "the drawer was opened: {before}");
     assert_eq!(&after["resumed"]["replayed_steps"], reached);
@@ -504,8 +505,7 @@ fn guards_that_were_measured_on_another_number_of_episodes_are_kept() {
         succeeded(&[&words[..], &[episodes, "--out", path(&out)]].concat())
     };
     chaining("1");
-    let cell = fs::read(out.join("no_filter.json")).expect("a cell");
-    let cell: serde_json::Value = serde_json::from_slice(&cell).expect("JSON");
+    let cell = json_of(&out.join("no_filter.json"));
     let command = cell["commands"][0].as_str().unwrap_or_default();
     assert!(
         command.starts_with("catena experiment chaining ") && command.contains("--episodes 1"),

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use crate::command::{catena, path, root, text, wait_until};
+use crate::command::{catena, json_of, path, root, text, wait_until};
 use crate::training::recorded;
 
 /// An experiment on the recordings in a folder's `demos`, which works in `work` and keeps its cells in `out`.
@@ -21,15 +21,9 @@ fn experiment(folder: &Path, words: &[&str]) -> Output {
     catena(&[&["experiment"], words, &places].concat())
 }
 
-/// A cell as it is written.
-pub(crate) fn cell(file: &Path) -> serde_json::Value {
-    let text = fs::read(file).expect("a cell");
-    serde_json::from_slice(&text).expect("JSON")
-}
-
 /// Holds a cell to naming the command behind it, its seed, and the model and recordings that it was measured with.
 pub(crate) fn ensure_named(file: &Path, command: &str) {
-    let cell = cell(file);
+    let cell = json_of(file);
     let first = cell["commands"][0].as_str().unwrap_or_default();
     assert!(first.starts_with(command), "{first}");
     assert!(cell["seed"].is_u64(), "{}", file.display());
@@ -171,11 +165,11 @@ fn an_experiment_that_was_cut_goes_on_with_what_is_missing() {
     );
     lock.unlock().expect("it is held");
     let record = of_wrist.join("run/run.json");
-    let mut of_training = cell(&record);
+    let mut of_training = json_of(&record);
     of_training["commit"] = "an earlier one".into();
     fs::write(&record, of_training.to_string()).expect("written");
     run(&["--methods", "only_wrist"]);
-    let measured = cell(&out.join("only_wrist_seed1.json"));
+    let measured = json_of(&out.join("only_wrist_seed1.json"));
     assert_eq!(measured["training_commit"], "an earlier one");
     let drawn = run(&["--only-draw"]);
     assert!(

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::command::{catena, path, root, succeeded, text};
+use crate::command::{catena, json_of, path, root, succeeded, text};
 use crate::training::recorded;
 
 #[path = "../../src/inference/tests/onnx.rs"]
@@ -25,10 +25,6 @@ fn encoder(folder: &Path, name: &str, weights: [f32; 12]) -> PathBuf {
     let file = folder.join(name);
     fs::write(&file, network).expect("written");
     file
-}
-
-fn json(file: &Path) -> Value {
-    serde_json::from_slice(&fs::read(file).expect("a file")).expect("JSON")
 }
 
 /// A project whose task `wine` is shown in `demos/wine`, and a composition of it that ends after six steps.
@@ -67,9 +63,9 @@ fn a_policy_on_an_encoder_from_a_file_is_trained_and_evaluated_and_its_run_names
     assert_eq!(losses.lines().count(), 13);
     let kept = fs::read(model.join("encoder.onnx")).expect("the encoder");
     assert_eq!(kept, fs::read(&given).expect("the file"));
-    let record = json(&run.join("run.json"));
+    let record = json_of(&run.join("run.json"));
     assert_eq!(record["frozen_encoder"]["file"], "colours.onnx");
-    let manifest = json(&model.join("manifest.json"));
+    let manifest = json_of(&model.join("manifest.json"));
     let digest = &manifest["files"]["encoder.onnx"];
     assert_eq!(&record["frozen_encoder"]["sha256"], digest);
     let output = called(&words(&other));

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use crate::command::{path, root, succeeded, text};
-use crate::experiments::{cell, ensure_named};
+use crate::command::{json_of, path, root, succeeded, text};
+use crate::experiments::ensure_named;
 
 /// Behaviour cloning with hardly any recordings and steps.
 const LITTLE: [&str; 7] = [
@@ -49,7 +49,7 @@ fn a_row_is_recorded_trained_measured_and_drawn_and_other_experiments_take_its_n
             &file,
             "catena train ... --preset bedroom --method bc --steps 2 --seed 1",
         );
-        let cell = cell(&file);
+        let cell = json_of(&file);
         assert_eq!(cell["evaluation"]["name"], task);
         assert_eq!(
             cell["evaluation"]["results"].as_array().map(Vec::len),
@@ -80,7 +80,7 @@ fn a_row_is_recorded_trained_measured_and_drawn_and_other_experiments_take_its_n
         assert!(made.iter().all(|step| !said.contains(*step)), "{said}");
         let file = folder.path().join(name);
         ensure_named(&file, command);
-        assert_eq!(cell(&file)["is_quick"], true, "{name}");
+        assert_eq!(json_of(&file)["is_quick"], true, "{name}");
     }
     ensure_failures_told(folder.path());
     for experiment in ["table1", "table2", "fig6"] {

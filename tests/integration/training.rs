@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use crate::command::{catena, path, succeeded, text, wait_until};
+use crate::command::{catena, json_of, path, succeeded, text, wait_until};
 
 /// Records demonstrations of a task in a folder of its name.
 pub(crate) fn recorded(folder: &Path, task: &str, demonstrations: &str) -> PathBuf {
@@ -15,8 +15,7 @@ pub(crate) fn recorded(folder: &Path, task: &str, demonstrations: &str) -> PathB
 }
 
 fn manifest(model: &Path) -> serde_json::Value {
-    let text = fs::read(model.join("manifest.json")).expect("a manifest");
-    serde_json::from_slice(&text).expect("JSON")
+    json_of(&model.join("manifest.json"))
 }
 
 #[test]
@@ -81,8 +80,7 @@ fn a_run_folder_is_enough_to_repeat_its_training() {
     assert_eq!(first["training"]["config"]["network"]["variant"], "siamese");
     assert_eq!(first["spec"]["cameras"].as_array().map(Vec::len), Some(1));
 
-    let record = fs::read(at("run").join("run.json")).expect("a record");
-    let record: serde_json::Value = serde_json::from_slice(&record).expect("JSON");
+    let record = json_of(&at("run").join("run.json"));
     assert_eq!(record["seed"], 5);
     assert_eq!(record["version"], env!("CARGO_PKG_VERSION"));
     let digest = record["demonstrations"]["wine"].as_str().map(str::len);

@@ -14,7 +14,7 @@ use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use serde_json::{Value, json};
 
 use super::Case;
-use crate::command::root;
+use crate::command::{json_of, root};
 
 pub(super) const DATA: &str = "data/chunk-000/file-000.parquet";
 
@@ -31,8 +31,7 @@ pub(super) fn dataset(folder: &Path) -> PathBuf {
 fn with_info(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
     let root = dataset(folder);
     let path = root.join("meta/info.json");
-    let mut info: Value =
-        serde_json::from_str(&fs::read_to_string(&path).expect("a file")).expect("JSON");
+    let mut info = json_of(&path);
     change(&mut info);
     fs::write(path, info.to_string()).expect("written");
     root
@@ -279,8 +278,7 @@ pub(super) const CASES: &[Case] = &[
     ("dataset: metadata of ours says primitives", |f| {
         let root = dataset(f);
         let path = root.join("meta/catena.json");
-        let mut ours: Value =
-            serde_json::from_str(&fs::read_to_string(&path).expect("a file")).expect("JSON");
+        let mut ours = json_of(&path);
         ours["action_space"] =
             json!({ "kind": "primitives", "names": ["a", "b", "c", "d", "e", "f", "g"] });
         fs::write(path, ours.to_string()).expect("written");
