@@ -5,7 +5,7 @@ use petgraph::algo::{connected_components, kosaraju_scc};
 use serde::Serialize;
 
 use super::{EdgeKind, NodeId, ScoredPair, TopologicalGraph};
-use crate::wording::counted;
+use crate::wording::{counted, grouped};
 
 /// Numbers by which a person can judge a graph.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -177,18 +177,21 @@ impl fmt::Display for GraphStatistics {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{} nodes, {} edges ({} temporal, {} learned, {} cross-task)",
-            self.node_count,
-            self.temporal_edges + self.learned_edges + self.cross_task_edges,
-            self.temporal_edges,
-            self.learned_edges,
-            self.cross_task_edges
+            "{}, {} ({} temporal, {} learned, {} cross-task)",
+            counted(self.node_count, "node"),
+            counted(
+                self.temporal_edges + self.learned_edges + self.cross_task_edges,
+                "edge"
+            ),
+            grouped(self.temporal_edges),
+            grouped(self.learned_edges),
+            grouped(self.cross_task_edges)
         )?;
         writeln!(
             f,
-            "{} components, largest strongly connected part {} nodes, out-degree {:.1} (at most {})",
-            self.components,
-            self.largest_strong_component,
+            "{}, largest strongly connected part {}, out-degree {:.1} (at most {})",
+            counted(self.components, "component"),
+            counted(self.largest_strong_component, "node"),
             self.mean_out_degree,
             self.max_out_degree
         )?;
@@ -200,11 +203,11 @@ impl fmt::Display for GraphStatistics {
                 .collect();
             writeln!(
                 f,
-                "task {}: {} demonstrations, {} nodes, {} end states; {}",
+                "task {}: {}, {}, {}; {}",
                 t.task,
-                t.demonstrations,
-                t.nodes,
-                t.end_states,
+                counted(t.demonstrations, "demonstration"),
+                counted(t.nodes, "node"),
+                counted(t.end_states, "end state"),
                 if subgoals.is_empty() {
                     "no subgoals".to_owned()
                 } else {

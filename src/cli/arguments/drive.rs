@@ -9,7 +9,7 @@ use super::{LARGEST_FIRST_SEED, LevelArgument, positive};
 /// `catena compose`
 #[derive(Debug, Args)]
 pub struct ComposeArguments {
-    /// The composition's YAML file.
+    /// The composition: its YAML file, its name, or a task's name.
     pub file: PathBuf,
     /// Also say why the plan is what it is: stages, the orders that were open, what each part costs and how
     /// probable it is to hold, how each task's end was chosen; and draw the automaton.
@@ -26,7 +26,7 @@ pub struct ComposeArguments {
 /// `catena run`
 #[derive(Debug, Args)]
 pub struct RunArguments {
-    /// The composition's YAML file.
+    /// The composition: its YAML file, its name, or a task's name.
     pub file: PathBuf,
     /// Seed of the episode. The default is one of the evaluations in the README, and one of those that succeed.
     #[arg(long, default_value_t = 111)]

@@ -84,7 +84,7 @@ pub struct PaperArguments {
 /// `catena experiment chaining`
 #[derive(Debug, Args)]
 pub struct ChainingArguments {
-    /// The composition's YAML file.
+    /// The composition: its YAML file, its name, or a task's name.
     #[arg(default_value = "tasks/sequences/sock_then_trash.yaml")]
     pub target: String,
     /// A small version, of 4 episodes of each method. What it measures says little, and says so.

@@ -80,7 +80,7 @@ pub struct GraphShowArguments {
 /// `catena graph gaps`
 #[derive(Debug, Args)]
 pub struct GraphGapsArguments {
-    /// The composition's YAML file.
+    /// The composition: its YAML file, its name, or a task's name.
     pub file: PathBuf,
     /// Print JSON.
     #[arg(long)]

@@ -11,7 +11,7 @@ use super::{LevelArgument, positive};
 /// `catena serve`
 #[derive(Debug, Args)]
 pub struct ServeArguments {
-    /// The composition's YAML file, or a task's name.
+    /// The composition: its YAML file, its name, or a task's name.
     pub target: String,
     /// The address to listen on.
     #[arg(long, default_value = "127.0.0.1:8000")]
@@ -27,7 +27,7 @@ pub struct ServeArguments {
 /// `catena simulate`
 #[derive(Debug, Args)]
 pub struct SimulateArguments {
-    /// The composition's YAML file, or a task's name: where the robot starts, and which subgoals are judged.
+    /// The composition (its YAML file, its name, or a task's name): where the robot starts, and which subgoals are judged.
     pub target: String,
     /// The address to listen on.
     #[arg(long, default_value = "127.0.0.1:8001")]
