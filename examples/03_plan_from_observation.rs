@@ -9,11 +9,11 @@ use std::sync::Arc;
 
 use catena::composer::compose_named;
 use catena::environment::Environment;
-use catena::inference::{EngineChoice, Model};
+use catena::inference::EngineChoice;
+use catena::loading::LoadedComposition;
 use catena::model::{Encoder, LocalPolicy, Traversability};
-use catena::planner::{FilterOptions, LiveDistances, Planner};
+use catena::planner::{FilterOptions, LiveDistances};
 use catena::simulator::{Bedroom, BedroomConfig, BedroomTask};
-use catena::storage::{ensure_same_model, load_graph};
 use catena::trajectory::State;
 
 /// States that are less probably near are not asked how far the robot is from them.
@@ -22,16 +22,8 @@ const NEAR_PROBABILITY: f32 = 0.02;
 fn main() -> Result<(), Box<dyn Error>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let composition = compose_named("trash", root)?;
-    let model = Model::load(&composition.model, EngineChoice::Auto)?;
-    let folder = &composition.tasks[0].graph;
-    let (graph, manifest) = load_graph(folder)?;
-    ensure_same_model(folder, &manifest.model_digest, &model.digest())?;
-    let planner = Planner::new(
-        Arc::new(graph),
-        &composition.automaton,
-        composition.terms(),
-        composition.planner.clone(),
-    )?;
+    let loaded = LoadedComposition::load(composition, EngineChoice::Auto)?;
+    let (model, planner) = (&loaded.model, loaded.own_planner()?);
 
     // Your robot's cameras go here.
     let observation = Bedroom::new(BedroomConfig::paper(BedroomTask::Trash)).reset(4)?;
@@ -44,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let latent = model.encode(&[state])?;
     let distances = LiveDistances::query(
-        &model,
+        model,
         &projections,
         &model.project(&latent)?,
         &filter.candidates(),

@@ -4,13 +4,11 @@
 
 use std::error::Error;
 use std::path::Path;
-use std::sync::Arc;
 
 use catena::composer::{Composition, load_task};
-use catena::graph::{MergeOptions, merge};
-use catena::inference::{EngineChoice, Model};
-use catena::planner::{Explanation, FinalChoice, Planner};
-use catena::storage::load_graph;
+use catena::inference::EngineChoice;
+use catena::loading::LoadedComposition;
+use catena::planner::{Explanation, FinalChoice};
 use catena::task::{Order, Region};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -19,7 +17,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let task = |name: &str| Order::Task(name.to_owned());
 
     // The sock and the can in whichever order is cheaper, then the spill if a way leads there.
-    let mut composition = Composition::builder("tidy_carefully")
+    let composition = Composition::builder("tidy_carefully")
         .task(load("sock")?)
         .task(load("trash")?)
         .task(load("wine")?)
@@ -42,28 +40,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         .build()?;
     println!("to do:\n{}", composition.order);
 
-    let model = Model::load(&composition.model, EngineChoice::Auto)?;
-    let graphs = composition
-        .all_tasks()
-        .map(|task| Ok(load_graph(&task.graph)?.0))
-        .collect::<Result<Vec<_>, Box<dyn Error>>>()?;
-    let merged = merge(
-        &graphs.iter().collect::<Vec<_>>(),
-        Some(&composition.follows().into_iter().collect::<Vec<_>>()),
-        &model,
-        &MergeOptions::default(),
-        &|_| {},
-    )?;
-
-    // Regions are found on the graph; what is to be passed becomes a subgoal of graph and automaton.
-    let graph = composition.place_regions(merged.graph)?;
-    composition.settle(&graph)?;
-    let planner = Planner::new(
-        Arc::new(graph),
-        &composition.automaton,
-        composition.terms(),
-        composition.planner.clone(),
-    )?;
+    // Regions are found on the merged graph; what is to be passed becomes a subgoal of graph and automaton.
+    let loaded = LoadedComposition::load(composition, EngineChoice::Auto)?;
+    let (composition, planner) = (&loaded.composition, loaded.own_planner()?);
     let explanation = Explanation::new(
         &planner,
         &composition.orders,

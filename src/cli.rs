@@ -16,7 +16,6 @@ mod graph;
 mod kept;
 mod loaded;
 mod localise;
-mod merging;
 mod parent;
 mod progress;
 mod recipe;

@@ -12,51 +12,30 @@
 #![cfg_attr(feature = "simulator", doc = "```no_run")]
 #![cfg_attr(not(feature = "simulator"), doc = "```ignore")]
 //! use std::path::Path;
-//! use std::sync::Arc;
 //!
 //! use catena::composer::compose;
-//! use catena::graph::{MergeOptions, merge};
-//! use catena::inference::{EngineChoice, Model};
-//! use catena::planner::Planner;
+//! use catena::inference::EngineChoice;
+//! use catena::loading::LoadedComposition;
 //! use catena::rollout::{Rollout, RolloutModel, RolloutOptions};
 //! use catena::simulator::{Bedroom, BedroomConfig, BedroomTask};
-//! use catena::storage::{ensure_same_model, load_graph};
 //!
 //! let root = Path::new(".");
 //! let composition = compose(&root.join("tasks/sequences/sock_then_trash.yaml"), root)?;
-//! let model = Model::load(&composition.model, EngineChoice::Auto)?;
 //!
-//! // One graph a task, joined where the model sees a way from one task to the next.
-//! let mut graphs = Vec::new();
-//! for task in composition.all_tasks() {
-//!     let (graph, manifest) = load_graph(&task.graph)?;
-//!     ensure_same_model(&task.graph, &manifest.model_digest, &model.digest())?;
-//!     graphs.push(graph);
-//! }
-//! let merged = merge(
-//!     &graphs.iter().collect::<Vec<_>>(),
-//!     Some(&composition.follows().into_iter().collect::<Vec<_>>()),
-//!     &model,
-//!     &MergeOptions::default(),
-//!     &|_| {},
-//! )?;
-//! let planner = Planner::new(
-//!     Arc::new(merged.graph),
-//!     &composition.automaton,
-//!     composition.terms(),
-//!     composition.planner.clone(),
-//! )?;
+//! // The model, and one graph a task, joined where the model sees a way from one task to the next.
+//! let loaded = LoadedComposition::load(composition, EngineChoice::Auto)?;
+//! let planner = loaded.own_planner()?;
 //! println!("{}", planner.audit(&planner.plan_from_start()?));
 //!
 //! let parts = RolloutModel {
-//!     encoder: &model,
-//!     traversability: &model,
-//!     policy: &model,
-//!     landmarks: model.landmarks(),
+//!     encoder: &loaded.model,
+//!     traversability: &loaded.model,
+//!     policy: &loaded.model,
+//!     landmarks: loaded.model.landmarks(),
 //! };
 //! let options = RolloutOptions {
-//!     max_steps: composition.limits.steps as usize,
-//!     on_shortcut: composition.on_shortcut,
+//!     max_steps: loaded.composition.limits.steps as usize,
+//!     on_shortcut: loaded.composition.on_shortcut,
 //!     ..RolloutOptions::default()
 //! };
 //! let mut room = Bedroom::new(BedroomConfig::paper(BedroomTask::Sock));
@@ -65,9 +44,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Start with [`composer::compose`], [`planner::Planner`] and [`rollout::Rollout`]; [`rollout::Monitor`] says of a robot
-//! that somebody else drives which subgoals it reached and skipped, [`rollout::Controller`] is the loop for programs
-//! that hold the robot themselves, [`storage::Recordings`] reads recordings, [`view`] draws.
+//! Start with [`composer::compose`], [`loading::LoadedComposition`], [`planner::Planner`] and [`rollout::Rollout`];
+//! [`rollout::Monitor`] says of a robot that somebody else drives which subgoals it reached and skipped,
+//! [`rollout::Controller`] is the loop for programs that hold the robot themselves, [`storage::Recordings`] reads
+//! recordings, [`view`] draws.
 
 // What only the rooms above take of those below is idle where these are left out.
 #![cfg_attr(not(feature = "cli"), allow(dead_code, unused_imports))]
@@ -81,6 +61,7 @@ pub mod experiment;
 pub mod graph;
 mod hidden;
 pub mod inference;
+pub mod loading;
 mod lock;
 pub mod model;
 pub mod planner;

@@ -47,7 +47,7 @@ pub(super) struct Planned {
 
 /// Plans a composition from its start.
 pub(super) fn plan(loaded: &Loaded) -> Result<Planned, CliError> {
-    let planner = loaded.planner(loaded.composition.planner.clone())?;
+    let planner = loaded.own_planner()?;
     let plan = planner.plan_from_start().map_err(CliError::NoPath)?;
     let unconstrained = loaded
         .paper_plan()?

@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use super::arguments::ReadArguments;
 use super::error::CliError;
-use super::loaded::in_folder;
 use crate::inference::Model;
+use crate::loading::in_folder;
 use crate::storage::{ReadOptions, RecordingReport, Recordings, load_manifest};
 use crate::trajectory::{ActionSpace, Binning, CameraSpec, DemonstrationSet, Trajectory};
 use crate::wording::{counted, listed};

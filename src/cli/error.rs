@@ -8,6 +8,7 @@ use crate::environment::EnvironmentError;
 use crate::experiment::ExperimentError;
 use crate::graph::{GraphError, ScoreError};
 use crate::inference::InferenceError;
+use crate::loading::LoadError;
 use crate::model::ModelError;
 use crate::planner::{NoPath, PlannerError};
 use crate::rollout::RolloutError;
@@ -33,6 +34,9 @@ pub(super) enum CliError {
     Graph(#[from] GraphError),
     #[error(transparent)]
     Inference(#[from] InferenceError),
+    /// A composition cannot be loaded.
+    #[error(transparent)]
+    Load(#[from] LoadError),
     #[error(transparent)]
     Model(#[from] ModelError),
     #[error(transparent)]
@@ -88,21 +92,6 @@ pub(super) enum CliError {
         file: PathBuf,
         /// Why not.
         reason: String,
-    },
-    /// A graph was built when its task had other subgoals.
-    #[error(
-        "the graph of task '{task}' was built with the subgoals {built}, but the task now has {named}: build its graph \
-         again (`{command}`), or give the task the subgoals that it had"
-    )]
-    SubgoalsDiffer {
-        /// The task.
-        task: String,
-        /// The subgoals of the graph, in order.
-        built: String,
-        /// Those of the task.
-        named: String,
-        /// What builds the graph again.
-        command: String,
     },
     /// The actions of recordings mean something else than those of the model.
     #[error(
@@ -531,7 +520,7 @@ impl CliError {
     /// What is printed: faults of YAML files with their lines, everything else as one line with its
     /// causes.
     pub(super) fn report(&self) -> String {
-        if let Self::Composer(diagnostics) = self {
+        if let Self::Composer(diagnostics) | Self::Load(LoadError::Composer(diagnostics)) = self {
             let style = if std::io::stderr().is_terminal() {
                 Rendering::Colour
             } else {
@@ -556,6 +545,19 @@ impl CliError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::composer::compose_named;
+
+    #[test]
+    fn what_is_wrong_while_loading_is_told_as_anywhere_else() {
+        let error = || InferenceError::EngineUnknown {
+            name: "x".to_owned(),
+        };
+        let loading = CliError::from(LoadError::from(error()));
+        assert_eq!(loading.report(), CliError::from(error()).report());
+        let faults = compose_named("nothing", Path::new("nowhere")).expect_err("there is no task");
+        let loading = CliError::from(LoadError::from(faults.clone()));
+        assert_eq!(loading.report(), CliError::from(faults).report());
+    }
 
     #[test]
     fn a_cause_that_the_message_tells_is_not_told_again() {

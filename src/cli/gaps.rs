@@ -58,7 +58,7 @@ pub(super) fn gaps(
     arguments: &Arguments,
 ) -> Result<(), CliError> {
     let loaded = Loaded::load(&gaps_arguments.file.to_string_lossy(), arguments)?;
-    let planner = loaded.planner(loaded.composition.planner.clone())?;
+    let planner = loaded.own_planner()?;
     let graph = &loaded.graph;
     let (most_helpful, no_plan) = match planner.plan_from_start() {
         Ok(plan) => (weakest_crossing(graph, &plan), None),

@@ -9,10 +9,8 @@ use super::arguments::{
 use super::demonstrations::{in_model_space, read_demonstrations, read_options};
 use super::error::CliError;
 use super::gaps::gaps;
-use super::loaded::{GraphFolders, in_folder};
 use super::localise::localise;
-use super::merging::{merge_options, show_progress};
-use super::progress;
+use super::progress::{self, show_progress};
 use super::trust::trust;
 use crate::composer::load_task_named;
 use crate::graph::{
@@ -20,6 +18,7 @@ use crate::graph::{
     ScoringReport, TopologicalGraph, build_states, merge, score_pairs,
 };
 use crate::inference::Model;
+use crate::loading::{GraphFolders, in_folder, merge_options};
 use crate::planner::{SuspectEdge, suspects};
 use crate::storage::{
     BuildFolder, GraphImage, GraphManifest, Recordings, check_graph_files, check_graph_place,

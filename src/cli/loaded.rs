@@ -1,22 +1,20 @@
-//! Models, graphs and compositions as commands load them.
+//! Compositions as commands load them.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::ops::{Deref, DerefMut};
+use std::sync::{Arc, OnceLock};
 
 use super::arguments::{Arguments, EngineArgument};
 use super::error::CliError;
-use super::merging::merge_all;
-use super::progress;
+use super::progress::{self, show_progress};
 use super::worlds::{BEDROOM, composed};
-use crate::composer::{Calibration, Composition, EnvironmentConfig, ResolvedTask};
-use crate::graph::{MergeReport, TopologicalGraph};
-use crate::inference::{EngineChoice, Model};
+use crate::composer::{Composition, EnvironmentConfig, ResolvedTask};
+use crate::graph::TopologicalGraph;
+use crate::inference::EngineChoice;
+use crate::loading::{LoadedComposition, merge_options};
 use crate::planner::{Plan, Planner, PlannerOptions, Terms};
 use crate::rollout::{RolloutModel, RolloutOptions};
 use crate::simulator::{BedroomConfig, Level};
-use crate::storage::{
-    GraphImages, GraphManifest, GraphTask, ensure_same_model, load_graph, sha256_file,
-};
+use crate::storage::sha256_file;
 
 impl From<EngineArgument> for EngineChoice {
     fn from(argument: EngineArgument) -> Self {
@@ -28,113 +26,45 @@ impl From<EngineArgument> for EngineChoice {
     }
 }
 
-/// What a graph is called in errors.
-pub(super) fn in_folder(folder: &Path) -> String {
-    format!("the graph in {}", folder.display())
-}
+/// A loaded composition, and what only commands ask of it.
+pub(super) struct Loaded(LoadedComposition);
 
-/// Graph folders with the graphs in them.
-pub(super) struct GraphFolders {
-    pub(super) graphs: Vec<TopologicalGraph>,
-    pub(super) manifests: Vec<GraphManifest>,
-}
+impl Deref for Loaded {
+    type Target = LoadedComposition;
 
-impl GraphFolders {
-    /// Loads graphs, and refuses those that another model built or that have no states.
-    pub(super) fn load(folders: &[PathBuf], model: &Model) -> Result<Self, CliError> {
-        let mut loaded = Self {
-            graphs: Vec::new(),
-            manifests: Vec::new(),
-        };
-        for folder in folders {
-            let (graph, manifest) = load_graph(folder)?;
-            ensure_same_model(folder, &manifest.model_digest, &model.digest())?;
-            let (what, spec) = (in_folder(folder), &model.manifest().spec);
-            graph.ensure_states(&what)?;
-            graph.ensure_fits(&what, spec.d_max, spec.latent_dim)?;
-            loaded.graphs.push(graph);
-            loaded.manifests.push(manifest);
-        }
-        Ok(loaded)
+    fn deref(&self) -> &Self::Target {
+        &self.0
     }
 }
 
-/// A composition with everything that planning and running it needs.
-pub(super) struct Loaded {
-    pub(super) composition: Composition,
-    pub(super) model: Model,
-    pub(super) graph: Arc<TopologicalGraph>,
-    /// In the order of all its tasks.
-    images: Vec<GraphImages>,
-    pub(super) merge_report: MergeReport,
+impl DerefMut for Loaded {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.0
+    }
 }
 
 impl Loaded {
-    /// Reads a composition or a task, its model and graphs, and merges the graphs.
-    ///
-    /// Of several orders it takes the cheapest, of those that leave the fewest optional parts out; where none
-    /// connects, the first, whose plan says why.
+    /// Reads a composition or a task, and loads it as [`LoadedComposition::load`] does, with a progress bar.
     pub(super) fn load(name_or_path: &str, arguments: &Arguments) -> Result<Self, CliError> {
         Self::of(composed(name_or_path, &arguments.root)?, arguments)
     }
 
     /// The same for a composition that was read already.
-    pub(super) fn of(
-        mut composition: Composition,
-        arguments: &Arguments,
-    ) -> Result<Self, CliError> {
+    pub(super) fn of(composition: Composition, arguments: &Arguments) -> Result<Self, CliError> {
+        // A bedroom that cannot be is told after folders that are missing, and before anything is loaded.
         composition.check_files()?;
         if is_bedroom(&composition) {
             bedroom(&composition)?;
         }
-        let model = load_model(&composition, arguments)?;
-        let folders: Vec<PathBuf> = composition.all_tasks().map(|t| t.graph.clone()).collect();
-        let mut loaded = GraphFolders::load(&folders, &model)?;
-        for (task, manifest) in composition.all_tasks().zip(&loaded.manifests) {
-            ensure_same_subgoals(task, manifest, &composition.model)?;
+        let (engine, options) = (arguments.engine.into(), merge_options());
+        // There is none before merging begins.
+        let bar = OnceLock::new();
+        let show = |p| show_progress(bar.get_or_init(|| progress::bar("merging", 0)), p);
+        let loaded = LoadedComposition::load_with(composition, engine, &options, &show);
+        if let Some(bar) = bar.get() {
+            bar.finish_and_clear();
         }
-        let exponent = model.manifest().temperature / model.temperature();
-        if composition.calibration == Calibration::None {
-            for graph in &mut loaded.graphs {
-                *graph = graph.tempered(exponent);
-            }
-        }
-        let images = folders
-            .iter()
-            .map(|f| GraphImages::open(f))
-            .collect::<Result<_, _>>()?;
-        let bar = progress::bar("merging", 0);
-        let merged = merge_all(&loaded.graphs, &composition, &model, &bar)?;
-        bar.finish_and_clear();
-        let graph = composition.place_regions(merged.0)?;
-        if composition.orders.way_count() > 1 {
-            composition.settle(&graph)?;
-        }
-        composition.check_against(&graph)?;
-        Ok(Self {
-            composition,
-            model,
-            graph: Arc::new(graph),
-            images,
-            merge_report: merged.1,
-        })
-    }
-
-    /// The pictures of a task's graph. Ids of demonstrations tell them apart within a task only.
-    pub(super) fn images_of(&self, task: &str) -> Option<&GraphImages> {
-        let mut of_graphs = self.composition.all_tasks().zip(&self.images);
-        let (_, images) = of_graphs.find(|(of, _)| of.task.name == task)?;
-        Some(images)
-    }
-
-    /// A planner with these options.
-    pub(super) fn planner(&self, options: PlannerOptions) -> Result<Planner, CliError> {
-        Ok(Planner::new(
-            Arc::clone(&self.graph),
-            &self.composition.automaton,
-            self.composition.terms(),
-            options,
-        )?)
+        Ok(Self(loaded?))
     }
 
     /// A planner of the composition on another graph of its tasks, whose states are numbered otherwise:
@@ -198,30 +128,6 @@ impl Loaded {
     }
 }
 
-/// Refuses a graph that was built when its task named other subgoals, or the same in another order: its states
-/// count those that hold.
-fn ensure_same_subgoals(
-    task: &ResolvedTask,
-    manifest: &GraphManifest,
-    model: &Path,
-) -> Result<(), CliError> {
-    let named = GraphTask::from(&task.task);
-    let built = manifest.tasks.iter().find(|t| t.name == named.name);
-    match built {
-        Some(built) if built.subgoals != named.subgoals => Err(CliError::SubgoalsDiffer {
-            command: format!(
-                "catena graph build tasks/{}.yaml --model {}",
-                named.name,
-                model.display()
-            ),
-            task: named.name,
-            named: named.subgoals.join(", "),
-            built: built.subgoals.join(", "),
-        }),
-        _ => Ok(()),
-    }
-}
-
 /// Digests of the graphs of a composition's tasks, each as `task:digest`.
 pub(super) fn graph_digests(composition: &Composition) -> Result<Vec<String>, CliError> {
     let all = digests_by_task(composition)?.into_iter();
@@ -282,53 +188,12 @@ pub(super) fn tell_warnings(composition: &Composition) {
     }
 }
 
-/// The model of a composition, calibrated as it says.
-pub(super) fn load_model(
-    composition: &Composition,
-    arguments: &Arguments,
-) -> Result<Model, CliError> {
-    let model = Model::load(&composition.model, arguments.engine.into())?;
-    Ok(match composition.calibration {
-        Calibration::Temperature => model,
-        Calibration::None => model.at_temperature(1.0),
-    })
-}
-
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
     use crate::composer::{FoundBy, TaskSpec};
-
-    #[test]
-    fn a_graph_of_other_subgoals_is_refused_with_both_lists() {
-        let resolved = |subgoals: &[&str]| {
-            let spec = TaskSpec::new("cup", "graphs/cup");
-            let all = subgoals.iter();
-            let spec = all.fold(spec, |spec, s| spec.subgoal(*s, FoundBy::Marker(None)));
-            spec.resolve(Path::new("")).expect("a sound task")
-        };
-        let built = resolved(&["door_open", "cup_grasped", "cup_in_sink"]);
-        let options = serde_json::Value::Null;
-        let tasks = std::slice::from_ref(&built.task);
-        let manifest = GraphManifest::new(tasks, "model", "demos", options);
-        let told = |task: &ResolvedTask| {
-            let checked = ensure_same_subgoals(task, &manifest, Path::new("graphs/model"));
-            checked.err().map(|e| e.to_string())
-        };
-        assert_eq!(told(&built), None);
-        let removed = told(&resolved(&["door_open", "cup_in_sink"]));
-        assert_eq!(
-            removed.as_deref(),
-            Some(
-                "the graph of task 'cup' was built with the subgoals door_open, cup_grasped, \
-                 cup_in_sink, but the task now has door_open, cup_in_sink: build its graph again \
-                 (`catena graph build tasks/cup.yaml --model graphs/model`), or give the task the \
-                 subgoals that it had"
-            )
-        );
-        let reordered = ["cup_grasped", "door_open", "cup_in_sink"];
-        assert!(told(&resolved(&reordered)).is_some());
-    }
 
     fn composition_in(world: Option<EnvironmentConfig>) -> Composition {
         let task = TaskSpec::new("cup", "graphs/cup")

@@ -26,7 +26,7 @@ pub(super) fn localise(
         .iter()
         .map(|t| Ok((t.clone(), locate_subgoals(&task.rules, t)?)))
         .collect::<Result<Vec<_>, CliError>>()?;
-    let planner = loaded.planner(loaded.composition.planner.clone())?;
+    let planner = loaded.own_planner()?;
     let options = loaded.rollout_options(localise_arguments.nearest_states);
     let mut monitor = Monitor::new(loaded.rollout_model(), &planner, &options)?;
     let score = LocalisationScore::new(&mut monitor, &recordings, loaded.graph.d_max())?;

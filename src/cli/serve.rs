@@ -16,7 +16,7 @@ pub(super) fn serve(
     let loaded = Loaded::load(&serve_arguments.target, arguments)?;
     let composition = &loaded.composition;
     tell_warnings(composition);
-    let planner = loaded.planner(composition.planner.clone())?;
+    let planner = loaded.own_planner()?;
     planner.plan_from_start().map_err(CliError::NoPath)?;
     let options = loaded.rollout_options(serve_arguments.nearest_states);
     let controller = Controller::new(loaded.rollout_model(), planner, options)?;

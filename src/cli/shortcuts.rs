@@ -101,7 +101,7 @@ pub(super) fn evaluate_shortcuts(
     let alone = Loaded::of(last_alone(&loaded.composition)?, arguments)?;
     let tasks = loaded.composition.automaton.tasks().iter();
     let tasks = tasks.map(|task| bedroom_task(task));
-    let in_order = loaded.planner(loaded.composition.planner.clone())?;
+    let in_order = loaded.own_planner()?;
     let papers_way = loaded.planner(PlannerOptions::paper())?;
     let last_task = alone.planner(options(&alone, evaluate_arguments.planner))?;
     let nearest_states = evaluate_arguments.nearest_states;

@@ -6,14 +6,14 @@ use rayon::prelude::*;
 use super::arguments::{Arguments, GraphTrustArguments};
 use super::demonstrations::{read_demonstrations, warn_of_own};
 use super::error::CliError;
-use super::merging::{merge_all, show_progress};
-use super::progress;
+use super::progress::{self, show_progress};
 use super::record::BEDROOM_NOTE;
 use super::worlds::composed;
 use crate::composer::{Calibration, ResolvedTask};
 use crate::experiment::{EdgeOptions, EdgeTrust, EdgeTrustInput, ExperimentError, Replay};
 use crate::graph::{BuildOptions, TopologicalGraph, build};
 use crate::inference::Model;
+use crate::loading::{merge_options, merge_tasks};
 use crate::storage::{ReadOptions, Recordings};
 use crate::task::locate_subgoals;
 
@@ -52,8 +52,11 @@ pub(super) fn trust(
         replays.extend(more);
     }
     let bar = progress::bar("merging", 0);
-    let (graph, _) = merge_all(&graphs, &composition, &model, &bar)?;
+    let merged = merge_tasks(&graphs, &composition, &model, &merge_options(), &|p| {
+        show_progress(&bar, p);
+    })?;
     bar.finish_and_clear();
+    let graph = merged.graph;
     composition.check_against(&graph)?;
     let is_calibrated = composition.calibration == Calibration::Temperature;
     let trust = EdgeTrust::new(&EdgeTrustInput {

@@ -19,6 +19,7 @@ const FLOORS: &[(&str, u32)] = &[
     ("simulator", 3),
     ("storage", 3),
     ("composer", 4),
+    ("loading", 5),
     ("rollout", 5),
     ("experiment", 6),
     ("serve", 6),

@@ -15,6 +15,7 @@ mod experiments;
 mod frozen_encoder;
 #[cfg(feature = "cli")]
 mod language;
+mod loading;
 #[cfg(feature = "cli")]
 mod schemas;
 #[cfg(feature = "cli")]

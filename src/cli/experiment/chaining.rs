@@ -277,7 +277,7 @@ fn measure(
     digest: String,
 ) -> Result<ChainingCell, CliError> {
     let bedroom = bedroom(loaded, evaluated)?;
-    let planner = loaded.planner(loaded.composition.planner.clone())?;
+    let planner = loaded.own_planner()?;
     let mut options = loaded.rollout_options(evaluated.nearest_states);
     method.run(&mut options.filter, &mut options.on_shortcut);
     let judged = loaded.composition.demonstrated_automaton();

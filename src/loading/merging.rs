@@ -1,11 +1,7 @@
-//! How commands merge the graphs of tasks.
-
-use indicatif::ProgressBar;
-
-use super::error::CliError;
 use crate::composer::Composition;
 use crate::graph::{
-    CrossTaskCandidates, GraphProgress, MergeOptions, MergeReport, TopologicalGraph, merge,
+    CrossTaskCandidates, GraphError, MergeOptions, MergeReport, Merged, ProgressFn,
+    TopologicalGraph, merge,
 };
 use crate::inference::Model;
 
@@ -15,8 +11,14 @@ const SEAM_WINDOW_STEPS: u32 = 10;
 /// plan meets the wormholes that are there.
 const SAMPLED_PAIRS: u32 = 100_000;
 
-/// How graphs are merged on the command line.
-pub(super) fn merge_options() -> MergeOptions {
+/// How a composition's graphs are merged unless it is said otherwise, on the command line always: cross-task edges are
+/// looked for at the seams, within 10 steps, and among 100,000 pairs of states elsewhere, the same each time.
+///
+/// At the seams are the edges that a plan with all subgoals in order needs. False edges elsewhere, for which the
+/// default of [`MergeOptions`] does not look, are what the paper's unconstrained plan skips subgoals by: without the
+/// sample an audit of that plan ([`Planner::audit`](crate::planner::Planner::audit)) would find less than there is.
+#[must_use]
+pub fn merge_options() -> MergeOptions {
     MergeOptions {
         candidates: CrossTaskCandidates::SeamAndSample {
             window_steps: SEAM_WINDOW_STEPS,
@@ -27,16 +29,20 @@ pub(super) fn merge_options() -> MergeOptions {
     }
 }
 
-/// The graphs of a composition's tasks in one.
-pub(super) fn merge_all(
+/// The graphs of a composition's tasks in one, with the seams that its orders allow.
+pub(crate) fn merge_tasks(
     graphs: &[TopologicalGraph],
     composition: &Composition,
     model: &Model,
-    bar: &ProgressBar,
-) -> Result<(TopologicalGraph, MergeReport), CliError> {
+    options: &MergeOptions,
+    progress: ProgressFn<'_>,
+) -> Result<Merged, GraphError> {
     let follows = composition.follows();
     if let ([graph], true) = (graphs, follows.is_empty()) {
-        return Ok((graph.clone(), MergeReport::default()));
+        return Ok(Merged {
+            graph: graph.clone(),
+            report: MergeReport::default(),
+        });
     }
     let graphs: Vec<&TopologicalGraph> = graphs.iter().collect();
     let known: Vec<&str> = graphs.iter().flat_map(|graph| graph.tasks()).collect();
@@ -44,14 +50,5 @@ pub(super) fn merge_all(
         .into_iter()
         .filter(|(from, to)| known.contains(from) && known.contains(to))
         .collect();
-    let merged = merge(&graphs, Some(&follows), model, &merge_options(), &|p| {
-        show_progress(bar, p);
-    })?;
-    Ok((merged.graph, merged.report))
-}
-
-/// Moves a bar to how far the work is.
-pub(super) fn show_progress(bar: &ProgressBar, progress: GraphProgress) {
-    bar.set_length(progress.total);
-    bar.set_position(progress.done);
+    merge(&graphs, Some(&follows), model, options, progress)
 }
