@@ -295,7 +295,8 @@ pub(super) enum CliError {
     FrozenEncoderOfOurs,
     /// A flag of our networks with a baseline.
     #[error(
-        "{flag} is for our own networks (--method ours); a baseline has one network and sees all cameras"
+        "{flag} is for our own networks (--method ours): a baseline has one network, sees all cameras, and its goal is the \
+         end of a demonstration"
     )]
     FlagOfOurs {
         /// The flag.

@@ -46,6 +46,9 @@ pub(super) fn training_config(
         let present = sets.first().map_or(0, |set| set.cameras().len());
         config = config.matched(variant, &arguments.cameras, present);
     }
+    if arguments.own_goals {
+        config.sampling.aligned_share = 0.0;
+    }
     Ok(config)
 }
 
@@ -54,12 +57,12 @@ pub(super) fn baseline_config(
     method: BaselineMethod,
     arguments: &TrainArguments,
 ) -> Result<BaselineConfig, CliError> {
-    let flag = if arguments.variant.is_some() {
-        Some("--variant")
-    } else {
-        (!arguments.cameras.is_empty()).then_some("--camera")
-    };
-    if let Some(flag) = flag {
+    let flags = [
+        ("--variant", arguments.variant.is_some()),
+        ("--camera", !arguments.cameras.is_empty()),
+        ("--own-goals", arguments.own_goals),
+    ];
+    if let Some((flag, _)) = flags.into_iter().find(|(_, is_given)| *is_given) {
         return Err(CliError::FlagOfOurs { flag });
     }
     let mut config = BaselineConfig::of(method, preset(arguments)?);
@@ -248,7 +251,10 @@ pub(super) fn training_commit(run_folder: &Path) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser;
+
     use super::*;
+    use crate::cli::arguments::{Arguments, Command};
 
     fn file(text: &str) -> tempfile::NamedTempFile {
         let file = tempfile::NamedTempFile::new().unwrap();
@@ -300,6 +306,27 @@ mod tests {
             message.contains("landmarks: unknown field `weigth`"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn own_goals_are_those_of_our_networks_alone() {
+        let given = |words: &[&str]| {
+            let words = [&["catena", "train", "demos", "--out", "model"], words].concat();
+            let Command::Train(arguments) = Arguments::try_parse_from(words).unwrap().command
+            else {
+                panic!("it is a training");
+            };
+            arguments
+        };
+        let share = |words: &[&str]| {
+            let arguments = given(words);
+            let config = training_config(written_config(&arguments).unwrap(), &arguments, &[]);
+            config.unwrap().sampling.aligned_share
+        };
+        assert!(share(&["--preset", "bedroom"]) > 0.0);
+        assert!(share(&["--preset", "bedroom", "--own-goals"]) < f64::EPSILON);
+        let refused = baseline_config(BaselineMethod::Bc, &given(&["--own-goals"])).unwrap_err();
+        assert!(refused.to_string().starts_with("--own-goals"), "{refused}");
     }
 
     #[test]

@@ -29,7 +29,7 @@ pub struct TrainArguments {
     pub practice: Vec<PathBuf>,
     /// Train nothing: take the networks of this model as they are, and learn anew what tells whether the gripper is
     /// empty, and how far off places are seen, from the demonstrations that the model was trained on and `--practice`.
-    #[arg(long, value_name = "MODEL", requires = "practice", conflicts_with_all = ["resume", "steps", "minutes", "config", "variant", "cameras", "seed", "method", "preset", "run"])]
+    #[arg(long, value_name = "MODEL", requires = "practice", conflicts_with_all = ["resume", "steps", "minutes", "config", "variant", "cameras", "own_goals", "seed", "method", "preset", "run"])]
     pub keep_networks: Option<PathBuf>,
     /// With `--method mvp`: the visual encoder, trained elsewhere, as an ONNX file with one input
     /// [n, 3, height, width] and one output [n, features]. A JSON file beside it of the same name may say
@@ -50,6 +50,10 @@ pub struct TrainArguments {
     /// A camera that the network sees; may be given several times. By default all.
     #[arg(long = "camera")]
     pub cameras: Vec<String>,
+    /// The policy learns with goal states of its own demonstration alone, as the paper's does; the preset `bedroom` takes
+    /// half of them from others (`sampling.aligned_share`).
+    #[arg(long)]
+    pub own_goals: bool,
     /// Seed of weights, batches and the split into training and validation; 1 unless the file of
     /// `--config` says otherwise.
     #[arg(long)]

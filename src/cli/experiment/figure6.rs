@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::digests::{Digests, RECORDINGS_UNNAMED};
 use super::heeded::ensure_heeded;
 use super::ingredients::Ingredients;
-use super::method::{BC, Method, OURS, chosen};
+use super::method::{BC, Method, OURS, OWN_GOALS, chosen};
 use super::plan::{Size, digest, out, training_command, with_note};
 use super::workshop::{Trained, Workshop};
 use crate::cli::arguments::{Arguments, PaperArguments};
@@ -51,7 +51,10 @@ struct Line {
     paper: &'static [(&'static str, f64)],
 }
 
-const LINES: [Line; 4] = [
+/// What the paper's robot would do first: it has one goal state at a time.
+const PAPER_OURS: [(&str, f64); 1] = [("base_forward", 0.99)];
+
+const LINES: [Line; 7] = [
     Line {
         name: BC.name,
         described: BC.described,
@@ -74,12 +77,36 @@ const LINES: [Line; 4] = [
         method: OURS,
         hypotheses: Some(1),
         lookahead_steps: None,
-        paper: &[("base_forward", 0.99)],
+        paper: &PAPER_OURS,
     },
     Line {
         name: "ours_next_state",
         described: "ours, the next state as goal",
         method: OURS,
+        hypotheses: Some(1),
+        lookahead_steps: Some(1),
+        paper: &[],
+    },
+    Line {
+        name: OWN_GOALS.name,
+        described: OWN_GOALS.described,
+        method: OWN_GOALS,
+        hypotheses: None,
+        lookahead_steps: None,
+        paper: &[],
+    },
+    Line {
+        name: "own_goals_one_goal",
+        described: "the same, one goal state",
+        method: OWN_GOALS,
+        hypotheses: Some(1),
+        lookahead_steps: None,
+        paper: &PAPER_OURS,
+    },
+    Line {
+        name: "own_goals_next_state",
+        described: "the same, the next state as goal",
+        method: OWN_GOALS,
         hypotheses: Some(1),
         lookahead_steps: Some(1),
         paper: &[],
@@ -123,7 +150,7 @@ pub(super) fn figure_6(paper: &PaperArguments, arguments: &Arguments) -> Result<
     let demonstrations = size.only_number(NAME)?;
     let out = out(paper, NAME)?;
     let workshop = Workshop::open(paper, arguments)?;
-    let methods = chosen(&[BC, OURS], &paper.methods)?;
+    let methods = chosen(&[BC, OURS, OWN_GOALS], &paper.methods)?;
     if !paper.only_draw {
         let mut jobs = Vec::new();
         for method in methods {

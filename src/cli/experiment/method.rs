@@ -89,6 +89,12 @@ const fn with_memory(
 
 /// This crate's way.
 pub(super) const OURS: Method = planning("ours", "ours: latent flow, two cameras, planned", &[]);
+/// The same, whose policy learns with goal states of its own demonstration alone.
+pub(super) const OWN_GOALS: Method = planning(
+    "own_goals",
+    "ours, trained with its own goals alone",
+    &["--own-goals"],
+);
 /// Behaviour cloning.
 pub(super) const BC: Method = baseline("bc", "BC", &["--method", "bc"]);
 /// The pre-trained representation, which the user has to bring.

@@ -51,15 +51,7 @@ pub(super) fn crowded(demonstrations_a_task: usize) -> TopologicalGraph {
         candidates: CrossTaskCandidates::Seam { window_steps: 2 },
         ..MergeOptions::default()
     };
-    merge(
-        &[&graphs[0], &graphs[1]],
-        None,
-        &oracle(),
-        &options,
-        &|_| (),
-    )
-    .expect("the graphs fit")
-    .graph
+    in_one(&graphs, &options)
 }
 
 /// Both tasks, with learned edges between demonstrations and across the seam.
@@ -73,15 +65,14 @@ pub(super) fn merged() -> TopologicalGraph {
         seam_floor: 0,
         ..MergeOptions::default()
     };
-    merge(
-        &[&graphs[0], &graphs[1]],
-        None,
-        &oracle(),
-        &options,
-        &|_| (),
-    )
-    .expect("the graphs fit")
-    .graph
+    in_one(&graphs, &options)
+}
+
+/// The graphs of both tasks in one.
+fn in_one(graphs: &[TopologicalGraph; 2], options: &MergeOptions) -> TopologicalGraph {
+    let [a, b] = graphs;
+    let merged = merge(&[a, b], None, &oracle(), options, &|_| ());
+    merged.expect("the graphs fit").graph
 }
 
 fn add_near_edges(graph: &mut TopologicalGraph) {

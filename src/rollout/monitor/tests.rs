@@ -29,6 +29,18 @@ fn seen_at(x: u8) -> Arc<Observation> {
     Arc::new(Observation::new([("eye".to_owned(), image)]))
 }
 
+/// Options of a monitor that asks of all states and has no classifier of stages.
+fn without_classifier() -> RolloutOptions {
+    RolloutOptions {
+        near_probability: 0.0,
+        filter: FilterOptions {
+            classifier_weight: 0.0,
+            ..FilterOptions::default()
+        },
+        ..RolloutOptions::default()
+    }
+}
+
 /// What a monitor says of a robot that is seen at these positions of the corridor.
 fn told(positions: impl IntoIterator<Item = u8>) -> Vec<Event> {
     told_with(&RolloutOptions::default(), positions)
@@ -206,14 +218,7 @@ fn what_is_seen_to_be_taken_is_as_sure_as_the_sight_of_it() {
         traversability: &oracle,
         landmarks: Some(&book),
     };
-    let options = RolloutOptions {
-        near_probability: 0.0,
-        filter: FilterOptions {
-            classifier_weight: 0.0,
-            ..FilterOptions::default()
-        },
-        ..RolloutOptions::default()
-    };
+    let options = without_classifier();
     let mut monitor = Monitor::new(model, &planner, &options).expect("the graph fits");
     // Too far from the first subgoal to be believed there.
     let mut told_of = |gripper: [u8; 2]| {
@@ -260,13 +265,7 @@ fn asking_the_nearest_states_only_tells_the_same() {
 #[test]
 fn a_robot_beyond_what_it_never_reached_is_flagged_once() {
     // Along a line a linear classifier tells the middle of three stages from the others at no place.
-    let options = RolloutOptions {
-        filter: FilterOptions {
-            classifier_weight: 0.0,
-            ..FilterOptions::default()
-        },
-        ..RolloutOptions::default()
-    };
+    let options = without_classifier();
     let events = told_with(&options, (0..4).chain(18..22).chain([22; 12]));
     let flagged: Vec<(&str, Vec<&str>)> = events
         .iter()
@@ -304,14 +303,7 @@ fn a_last_task_without_subgoals_is_gone_about_without_harm() {
         traversability: &Oracle::new(5, forward),
         landmarks: None,
     };
-    let options = RolloutOptions {
-        near_probability: 0.0,
-        filter: FilterOptions {
-            classifier_weight: 0.0,
-            ..FilterOptions::default()
-        },
-        ..RolloutOptions::default()
-    };
+    let options = without_classifier();
     let monitor = Monitor::new(model, &planner.expect("the graph has both"), &options);
     let mut monitor = monitor.expect("the graph fits");
     // It rests without having reached the subgoal of the walk.

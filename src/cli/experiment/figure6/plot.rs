@@ -1,6 +1,5 @@
 use std::path::Path;
 
-use super::super::method::OURS;
 use super::super::plan::with_version;
 use super::{CertaintyCell, LISTED, Line, NAME, TASK};
 use crate::cli::error::CliError;
@@ -35,7 +34,7 @@ fn rates(line: &Line, cell: &CertaintyCell) -> Vec<Rate> {
                 label: format!("{}: {action}", line.described),
                 rate: *mean,
                 interval: interval(*mean, *deviation, cell.episodes),
-                stands_out: line.method == OURS,
+                stands_out: line.method.plans,
                 published,
             });
         }
