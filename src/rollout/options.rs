@@ -102,10 +102,14 @@ impl RolloutOptions {
             self.hypotheses > 0,
             "1 or more",
         )?;
-        let misfit = self.filter.out_of_range();
-        misfit.map_or(Ok(()), |(option, value, range)| {
-            within(option, value, false, range)
-        })
+        match self.filter.out_of_range() {
+            None => Ok(()),
+            Some((option, value, range)) => Err(RolloutError::OptionOutOfRange {
+                option,
+                value,
+                range,
+            }),
+        }
     }
 
     pub(super) fn stillness(&self) -> Stillness {

@@ -11,7 +11,7 @@ use super::digests::{Digests, RECORDINGS_UNNAMED};
 use super::heeded::ensure_heeded;
 use super::ingredients::Ingredients;
 use super::method::{Method, OURS, TABLE_1, chosen};
-use super::plan::{Size, digest, out, with_note};
+use super::plan::{Size, digest, out, rising, with_note};
 use super::workshop::{Workshop, evaluation};
 use crate::cli::arguments::{Arguments, PaperArguments};
 use crate::cli::error::CliError;
@@ -124,10 +124,7 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
     }
     // What is missing of the whole table is said; a small version has no whole.
     let whole: &[usize] = if size.is_quick { &[] } else { &DEMONSTRATIONS };
-    let mut numbers = [whole, &size.demonstrations].concat();
-    numbers.sort_unstable();
-    numbers.dedup();
-    draw(&out, &numbers)?;
+    draw(&out, &rising(&[whole, &size.demonstrations].concat()))?;
     if failed > 0 {
         return Err(CliError::CellsFailed { failed, all });
     }
