@@ -11,7 +11,8 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand, ValueEnum};
 
 pub use drive::{
-    BenchArguments, ComposeArguments, EvaluateArguments, PlannerArgument, RunArguments,
+    BenchArguments, ComposeArguments, EvaluateArguments, LastStepsArgument, PlannerArgument,
+    RunArguments,
 };
 pub use experiment::{ChainingArguments, ExperimentCommand, PaperArguments};
 pub use graph::{

@@ -1,13 +1,13 @@
 use rayon::prelude::*;
 
-use super::arguments::{Arguments, EvaluateArguments, PlannerArgument};
+use super::arguments::{Arguments, EvaluateArguments, LastStepsArgument, PlannerArgument};
 use super::baseline::baseline_evaluation;
 use super::error::CliError;
 use super::loaded::{Loaded, bedroom_at};
 use super::{progress, shortcuts};
 use crate::experiment::{EpisodeResult, Evaluation, ScoredBedroom};
 use crate::planner::PlannerOptions;
-use crate::rollout::Rollout;
+use crate::rollout::{Rollout, RolloutOptions};
 use crate::simulator::{Bedroom, BedroomConfig};
 
 /// `catena evaluate`: episodes on seeds of their own, side by side on all cores.
@@ -47,7 +47,7 @@ pub(super) fn evaluation(
     let bedroom = bedroom(&loaded, evaluate_arguments)?;
     let planner = loaded.planner(options(&loaded, evaluate_arguments.planner))?;
     let judged = loaded.composition.demonstrated_automaton();
-    let options = loaded.rollout_options(evaluate_arguments.nearest_states);
+    let options = driving(&loaded, evaluate_arguments);
     let rollout = Rollout::new(loaded.rollout_model(), planner, options)?;
     let results = episodes("evaluating", evaluate_arguments, |seed| {
         let mut room = ScoredBedroom::new(Bedroom::new(bedroom), &judged);
@@ -93,6 +93,14 @@ pub(super) fn episodes<T: Send>(
         .collect::<Result<_, CliError>>()?;
     bar.finish_and_clear();
     Ok(results)
+}
+
+/// How a composition is run in the way that is asked for.
+pub(super) fn driving(loaded: &Loaded, evaluate_arguments: &EvaluateArguments) -> RolloutOptions {
+    RolloutOptions {
+        approach: evaluate_arguments.last_steps == LastStepsArgument::Led,
+        ..loaded.rollout_options(evaluate_arguments.nearest_states)
+    }
 }
 
 /// How a composition is planned in the way that is asked for.

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::arguments::{Arguments, EvaluateArguments, PlannerArgument};
 use super::error::CliError;
-use super::evaluate::{bedroom, episodes, options};
+use super::evaluate::{bedroom, driving, episodes, options};
 use super::loaded::Loaded;
 use super::record::bedroom_task;
 use crate::composer::Composition;
@@ -104,14 +104,13 @@ pub(super) fn evaluate_shortcuts(
     let in_order = loaded.own_planner()?;
     let papers_way = loaded.planner(PlannerOptions::paper())?;
     let last_task = alone.planner(options(&alone, evaluate_arguments.planner))?;
-    let nearest_states = evaluate_arguments.nearest_states;
-    let watching = loaded.rollout_options(nearest_states);
+    let watching = driving(&loaded, evaluate_arguments);
     let stage = Stage {
         bedroom: bedroom(&loaded, evaluate_arguments)?,
         monitor: Monitor::new(loaded.rollout_model(), &in_order, &watching)?,
-        in_order: rollout(&loaded, in_order, nearest_states)?,
-        papers_way: rollout(&loaded, papers_way, nearest_states)?,
-        last_task: rollout(&alone, last_task, nearest_states)?,
+        in_order: rollout(&loaded, in_order, evaluate_arguments)?,
+        papers_way: rollout(&loaded, papers_way, evaluate_arguments)?,
+        last_task: rollout(&alone, last_task, evaluate_arguments)?,
         judged: loaded.composition.demonstrated_automaton(),
         max_steps: watching.max_steps,
         tasks: tasks.collect::<Result<_, _>>()?,
@@ -148,12 +147,12 @@ fn last_alone(composition: &Composition) -> Result<Composition, CliError> {
 }
 
 /// What drives along a planner's composition.
-fn rollout(
-    driver: &Loaded,
+fn rollout<'a>(
+    driver: &'a Loaded,
     planner: Planner,
-    nearest_states: Option<usize>,
-) -> Result<Rollout<'_>, RolloutError> {
-    let options = driver.rollout_options(nearest_states);
+    evaluate_arguments: &EvaluateArguments,
+) -> Result<Rollout<'a>, RolloutError> {
+    let options = driving(driver, evaluate_arguments);
     Rollout::new(driver.rollout_model(), planner, options)
 }
 

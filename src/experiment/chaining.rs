@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{Evaluation, SubgoalTally};
 use crate::composer::{Calibration, OnShortcut};
-use crate::planner::{FilterOptions, PlannerOptions};
+use crate::planner::PlannerOptions;
+use crate::rollout::RolloutOptions;
 use crate::task::Automaton;
 
 /// The paper's rate for two tasks that were demonstrated apart (Fu & Finn, section IV-B): 2 of 10.
@@ -26,16 +27,19 @@ pub enum ChainingMethod {
     NoCalibration,
     /// A skipped subgoal is left skipped.
     NoReplanning,
+    /// The policy alone drives the steps before the gripper closes or opens.
+    NotLed,
 }
 
 impl ChainingMethod {
     /// All of them, in the order of the table.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Ours,
         Self::Unconstrained,
         Self::NoFilter,
         Self::NoCalibration,
         Self::NoReplanning,
+        Self::NotLed,
     ];
 
     /// Its name in files.
@@ -47,6 +51,7 @@ impl ChainingMethod {
             Self::NoFilter => "no_filter",
             Self::NoCalibration => "no_calibration",
             Self::NoReplanning => "no_replanning",
+            Self::NotLed => "not_led",
         }
     }
 
@@ -59,6 +64,7 @@ impl ChainingMethod {
             Self::NoFilter => "no filter: nearest state, one vote",
             Self::NoCalibration => "edges not calibrated",
             Self::NoReplanning => "shortcuts reported, not undone",
+            Self::NotLed => "last steps by the policy alone, not led",
         }
     }
 
@@ -67,12 +73,13 @@ impl ChainingMethod {
         match self {
             Self::Unconstrained => *planner = PlannerOptions::paper(),
             Self::NoCalibration => *calibration = Calibration::None,
-            Self::Ours | Self::NoFilter | Self::NoReplanning => {}
+            Self::Ours | Self::NoFilter | Self::NoReplanning | Self::NotLed => {}
         }
     }
 
     /// Switches the guard off in how it is run.
-    pub fn run(self, filter: &mut FilterOptions, on_shortcut: &mut OnShortcut) {
+    pub fn run(self, options: &mut RolloutOptions) {
+        let filter = &mut options.filter;
         match self {
             Self::NoFilter => {
                 filter.restart = 1.0;
@@ -81,7 +88,8 @@ impl ChainingMethod {
                 filter.advance_votes = 1;
                 filter.regress_votes = filter.regress_votes.map(|_| 1);
             }
-            Self::NoReplanning => *on_shortcut = OnShortcut::Report,
+            Self::NoReplanning => options.on_shortcut = OnShortcut::Report,
+            Self::NotLed => options.approach = false,
             Self::Ours | Self::Unconstrained | Self::NoCalibration => {}
         }
     }
@@ -291,10 +299,10 @@ mod tests {
         let run = |method: ChainingMethod| {
             let (mut planner, mut calibration) =
                 (PlannerOptions::default(), Calibration::default());
-            let (mut filter, mut shortcut) = (FilterOptions::default(), OnShortcut::default());
+            let mut options = RolloutOptions::default();
             method.plan(&mut planner, &mut calibration);
-            method.run(&mut filter, &mut shortcut);
-            (planner, calibration, filter, shortcut)
+            method.run(&mut options);
+            (planner, calibration, options)
         };
         let all: Vec<_> = ChainingMethod::ALL.map(run).to_vec();
         for (i, one) in all.iter().enumerate() {

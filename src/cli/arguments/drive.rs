@@ -72,9 +72,12 @@ pub struct EvaluateArguments {
     /// the runs with subgoals in order.
     #[arg(long, value_enum, default_value_t = PlannerArgument::InOrder)]
     pub planner: PlannerArgument,
+    /// Who drives the last steps before the gripper closes or opens.
+    #[arg(long, value_enum, default_value_t = LastStepsArgument::Led)]
+    pub last_steps: LastStepsArgument,
     /// Evaluate the baseline policy in this folder, written by `catena train --method`, instead of the task's
     /// model and graph. Its goal image is the end of the task's first demonstration.
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["planner", "nearest_states", "composition"])]
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["planner", "nearest_states", "last_steps", "composition"])]
     pub policy: Option<PathBuf>,
 }
 
@@ -85,6 +88,15 @@ pub enum PlannerArgument {
     InOrder,
     /// The shortest path over the merged graph, as in the paper.
     Unconstrained,
+}
+
+/// Who drives the last steps before the gripper closes or opens.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LastStepsArgument {
+    /// The robot is led to the place that its cameras see, where the model has landmarks.
+    Led,
+    /// The policy alone, as in the paper.
+    Policy,
 }
 
 /// `catena bench`

@@ -6,9 +6,11 @@ use serde::Serialize;
 use super::commands::{engine_name, quoted};
 use super::digests::{Digests, digests_of, pointer_to};
 use super::plan::{self, digest, make, place_of, with_note, with_version};
-use crate::cli::arguments::{Arguments, ChainingArguments, EvaluateArguments, PlannerArgument};
+use crate::cli::arguments::{
+    Arguments, ChainingArguments, EvaluateArguments, LastStepsArgument, PlannerArgument,
+};
 use crate::cli::error::CliError;
-use crate::cli::evaluate::{bedroom, episodes};
+use crate::cli::evaluate::{bedroom, driving, episodes};
 use crate::cli::kept::{Missing, keep, keep_text, kept};
 use crate::cli::loaded::{Loaded, bedroom_at, digests_by_task, graph_digests};
 use crate::cli::recipe::{Ingredient, Recipe};
@@ -122,6 +124,7 @@ fn evaluation_of(arguments: &ChainingArguments) -> EvaluateArguments {
         json: false,
         level: arguments.level,
         nearest_states: None,
+        last_steps: LastStepsArgument::Led,
         planner: PlannerArgument::InOrder,
         policy: None,
     }
@@ -278,8 +281,8 @@ fn measure(
 ) -> Result<ChainingCell, CliError> {
     let bedroom = bedroom(loaded, evaluated)?;
     let planner = loaded.own_planner()?;
-    let mut options = loaded.rollout_options(evaluated.nearest_states);
-    method.run(&mut options.filter, &mut options.on_shortcut);
+    let mut options = driving(loaded, evaluated);
+    method.run(&mut options);
     let judged = loaded.composition.demonstrated_automaton();
     let rollout = Rollout::new(loaded.rollout_model(), planner, options)?;
     let results = episodes(method.name(), evaluated, |seed| {

@@ -75,20 +75,26 @@ impl Table {
         if !paper.only_draw {
             let trainable = methods.iter().filter(|method| workshop.can_train(method));
             let trainable: Vec<&Method> = trainable.collect();
-            let mut rows = Vec::new();
+            // What shares a training is one job, so that two never train the same.
+            let mut jobs: Vec<Vec<Row>> = Vec::new();
             for demonstrations in &size.demonstrations {
-                for method in &trainable {
-                    rows.push(Row::missing(
-                        &workshop,
-                        method,
-                        *demonstrations,
-                        &size,
-                        &out,
-                    )?);
+                for of_training in trainable.chunk_by(|a, b| a.trained_as == b.trained_as) {
+                    let mut rows = Vec::new();
+                    for method in of_training {
+                        let row = Row::missing(&workshop, method, *demonstrations, &size, &out)?;
+                        if !row.cells.is_empty() {
+                            rows.push(row);
+                        }
+                    }
+                    if !rows.is_empty() {
+                        jobs.push(rows);
+                    }
                 }
             }
-            let rows = rows.into_iter().filter(|row| !row.cells.is_empty());
-            workshop.side_by_side(rows, |row| row.measure(&workshop, &size))?;
+            workshop.side_by_side(jobs, |rows| {
+                rows.into_iter()
+                    .try_for_each(|row| row.measure(&workshop, &size))
+            })?;
         }
         self.draw(&out, &size)
     }
@@ -230,8 +236,8 @@ fn digest_of(
 ) -> Result<String, CliError> {
     let words = size.training(method, size.training_seed);
     let told: Vec<&str> = (words.iter().map(String::as_str))
-        .chain(method.building().iter().copied())
-        .chain(method.running().iter().copied())
+        .chain(method.building.iter().copied())
+        .chain(method.running.iter().copied())
         .collect();
     digest(&(
         method.name,
@@ -267,8 +273,8 @@ fn recipe(
 /// The commands behind a cell, in order, without the folder that they work in.
 fn commands(method: &Method, words: &[String], evaluation: String) -> Vec<String> {
     let mut commands = vec![training_command(words)];
-    if !method.building().is_empty() {
-        let building = method.building().join(" ");
+    if !method.building.is_empty() {
+        let building = method.building.join(" ");
         commands.push(format!("catena graph build ... {building}"));
     }
     commands.push(evaluation);

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::digests::{Digests, RECORDINGS_UNNAMED};
 use super::heeded::ensure_heeded;
 use super::ingredients::Ingredients;
-use super::method::{Method, OURS, TABLE_1, chosen};
+use super::method::{Method, OURS, TABLE_2, chosen};
 use super::plan::{Size, digest, out, rising, with_note};
 use super::workshop::{Workshop, evaluation};
 use crate::cli::arguments::{Arguments, PaperArguments};
@@ -89,7 +89,7 @@ pub(super) fn table_2(paper: &PaperArguments, arguments: &Arguments) -> Result<(
     let out = out(paper, NAME)?;
     let mut workshop = Workshop::open(paper, arguments)?;
     workshop.one_after_the_other();
-    let methods = chosen(&TABLE_1, &paper.methods)?;
+    let methods = chosen(&TABLE_2, &paper.methods)?;
     let measured = if paper.only_draw {
         Vec::new()
     } else {
@@ -247,7 +247,7 @@ fn cell_file(out: &Path, method: &Method, demonstrations: usize, engine: &str) -
 /// Makes the table of all cells that are there, whichever call measured them.
 fn draw(out: &Path, demonstrations: &[usize]) -> Result<(), CliError> {
     let mut cells: Vec<TimeCell> = Vec::new();
-    for method in &TABLE_1 {
+    for method in &TABLE_2 {
         for number in demonstrations {
             for (engine, _) in ENGINES {
                 cells.extend(kept(&cell_file(out, method, *number, engine))?);
@@ -291,7 +291,7 @@ fn drawn(demonstrations: &[usize], cells: &[TimeCell]) -> Vec<(Method, usize)> {
             measured
         }
     };
-    TABLE_1.iter().flat_map(of).collect()
+    TABLE_2.iter().flat_map(of).collect()
 }
 
 /// The milliseconds that the paper has of a method with so many demonstrations.
@@ -343,7 +343,7 @@ mod tests {
         let size = table_size(&paper);
         let ingredients = Ingredients::gather(&paper, root()).unwrap();
         assert_kept::<TimeCell>(NAME, |cell| {
-            let method = TABLE_1.iter().find(|m| m.name == cell.method).unwrap();
+            let method = TABLE_2.iter().find(|m| m.name == cell.method).unwrap();
             let of = (method, cell.demonstrations, cell.engine.as_str());
             let digest = digest_of(&ingredients, of, &size, cell.cores).unwrap();
             (method.name != MVP).then_some(digest)
@@ -372,7 +372,7 @@ mod tests {
     #[test]
     fn a_table_has_what_other_calls_measured() {
         let place = tempfile::tempdir().unwrap();
-        for method in [TABLE_1[0], TABLE_1[1]] {
+        for method in [TABLE_2[0], TABLE_2[1]] {
             let file = cell_file(place.path(), &method, 30, "native");
             keep(&file, &cell(method.name)).unwrap();
         }

@@ -185,7 +185,7 @@ impl<'a> Workshop<'a> {
                     "--root".into(),
                     trained.root.clone().into(),
                 ];
-                command.extend(method.building().iter().map(OsString::from));
+                command.extend(method.building.iter().map(OsString::from));
                 self.commands.run(&command, Some(&trained.root))?;
             }
         }
@@ -201,7 +201,7 @@ impl<'a> Workshop<'a> {
         seed: u64,
     ) -> Result<Trained, CliError> {
         let steps = size.steps_of(method);
-        let (name, mark) = (method.name, self.ingredients.mark(method)?);
+        let (name, mark) = (method.trained_as, self.ingredients.mark(method)?);
         let name = format!("{name}_{demonstrations}{mark}_seed{seed}_steps{steps}");
         let root = self.work.join(name);
         let model = root.join(if method.plans {
@@ -328,7 +328,7 @@ pub(super) fn evaluation(
     words.extend(["--root".into(), trained.root.clone().into()]);
     words.extend(["--episodes".into(), size.episodes.to_string().into()]);
     words.extend(["--seed".into(), size.seed.to_string().into()]);
-    words.extend(method.running().iter().map(OsString::from));
+    words.extend(method.running.iter().map(OsString::from));
     words.push("--json".into());
     words
 }
