@@ -12,7 +12,7 @@ use crate::task::Automaton;
 /// The paper's rate for two tasks that were demonstrated apart (Fu & Finn, section IV-B): 2 of 10.
 const PAPERS_RATE: f64 = 0.2;
 
-/// A way of running a chain: with all that guards it, or with one guard switched off.
+/// A way of running a chain: with all that guards it, with one guard switched off, or with none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ChainingMethod {
@@ -29,17 +29,20 @@ pub enum ChainingMethod {
     NoReplanning,
     /// The policy alone drives the steps before the gripper closes or opens.
     NotLed,
+    /// All of these switched off, which is nearest to the paper's robot.
+    Unguarded,
 }
 
 impl ChainingMethod {
     /// All of them, in the order of the table.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Ours,
         Self::Unconstrained,
         Self::NoFilter,
         Self::NoCalibration,
         Self::NoReplanning,
         Self::NotLed,
+        Self::Unguarded,
     ];
 
     /// Its name in files.
@@ -52,6 +55,7 @@ impl ChainingMethod {
             Self::NoCalibration => "no_calibration",
             Self::NoReplanning => "no_replanning",
             Self::NotLed => "not_led",
+            Self::Unguarded => "unguarded",
         }
     }
 
@@ -65,33 +69,41 @@ impl ChainingMethod {
             Self::NoCalibration => "edges not calibrated",
             Self::NoReplanning => "shortcuts reported, not undone",
             Self::NotLed => "last steps by the policy alone, not led",
+            Self::Unguarded => "all of these switched off",
         }
     }
 
     /// Switches the guard off in how a composition is planned.
     pub fn plan(self, planner: &mut PlannerOptions, calibration: &mut Calibration) {
-        match self {
-            Self::Unconstrained => *planner = PlannerOptions::paper(),
-            Self::NoCalibration => *calibration = Calibration::None,
-            Self::Ours | Self::NoFilter | Self::NoReplanning | Self::NotLed => {}
+        if self.is_without(Self::Unconstrained) {
+            *planner = PlannerOptions::paper();
+        }
+        if self.is_without(Self::NoCalibration) {
+            *calibration = Calibration::None;
         }
     }
 
     /// Switches the guard off in how it is run.
     pub fn run(self, options: &mut RolloutOptions) {
-        let filter = &mut options.filter;
-        match self {
-            Self::NoFilter => {
-                filter.restart = 1.0;
-                filter.jump = 0.0;
-                filter.classifier_weight = 0.0;
-                filter.advance_votes = 1;
-                filter.regress_votes = filter.regress_votes.map(|_| 1);
-            }
-            Self::NoReplanning => options.on_shortcut = OnShortcut::Report,
-            Self::NotLed => options.approach = false,
-            Self::Ours | Self::Unconstrained | Self::NoCalibration => {}
+        if self.is_without(Self::NoFilter) {
+            let filter = &mut options.filter;
+            filter.restart = 1.0;
+            filter.jump = 0.0;
+            filter.classifier_weight = 0.0;
+            filter.advance_votes = 1;
+            filter.regress_votes = filter.regress_votes.map(|_| 1);
         }
+        if self.is_without(Self::NoReplanning) {
+            options.on_shortcut = OnShortcut::Report;
+        }
+        if self.is_without(Self::NotLed) {
+            options.approach = false;
+        }
+    }
+
+    /// Whether the guard that another method switches off is switched off.
+    fn is_without(self, guard: Self) -> bool {
+        self == guard || self == Self::Unguarded
     }
 }
 

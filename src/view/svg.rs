@@ -11,6 +11,7 @@ mod legend;
 mod orders;
 mod rates;
 mod route;
+mod spreads;
 mod subgoals;
 mod times;
 
@@ -20,6 +21,7 @@ pub use automaton::{automaton_svg, write_automaton_svg};
 use canvas::Canvas;
 pub use curves::{Curve, Panel, curves_svg, write_curves_svg};
 pub use rates::{Rate, rates_svg, write_rates_svg};
+pub use spreads::{Spread, spreads_svg, write_spreads_svg};
 pub use times::{Timing, times_svg, write_times_svg};
 
 use super::layout::{Frame, GraphLayout, least_width};

@@ -497,6 +497,27 @@ fn shortcuts_are_looked_for_with_the_planner_and_the_states_that_are_asked_for()
 }
 
 #[test]
+fn an_evaluation_leads_the_robot_over_the_last_steps_or_leaves_them_to_the_policy() {
+    let evaluated = |last_steps: &str| {
+        let words = [
+            "evaluate",
+            "wine",
+            "--episodes",
+            "1",
+            "--seed",
+            "500",
+            "--json",
+        ];
+        let json = succeeded(&[&words[..], &["--last-steps", last_steps]].concat());
+        let evaluation: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+        evaluation["results"][0].clone()
+    };
+    let [led, alone] = ["led", "policy"].map(evaluated);
+    assert_eq!(led["success"], true, "{led}");
+    assert_ne!(led["steps"], alone["steps"], "{alone}");
+}
+
+#[test]
 fn guards_that_were_measured_on_another_number_of_episodes_are_kept() {
     let folder = tempfile::tempdir().expect("a folder");
     let (file, out) = (short_run(folder.path()), folder.path().join("cells"));

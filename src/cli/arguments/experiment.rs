@@ -10,7 +10,7 @@ use super::{LARGEST_FIRST_SEED, LevelArgument, positive};
 /// `catena experiment ...`
 #[derive(Debug, Subcommand)]
 pub enum ExperimentCommand {
-    /// A chain of tasks with all that guards it, and with each guard switched off in turn.
+    /// A chain of tasks with all that guards it, with each guard switched off in turn, and with none.
     Chaining(ChainingArguments),
     /// The paper's Table I: success of our way and of the baselines after 10, 20 and 30 demonstrations.
     Table1(PaperArguments),

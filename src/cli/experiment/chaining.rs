@@ -40,7 +40,7 @@ struct Ingredients<'a> {
     bedroom: BedroomConfig,
 }
 
-/// `catena experiment chaining`: a chain with all guards, and with each switched off in turn.
+/// `catena experiment chaining`: a chain with all guards, with each switched off in turn, and with none.
 pub(super) fn chaining(
     chaining_arguments: &ChainingArguments,
     arguments: &Arguments,
@@ -99,7 +99,7 @@ fn draw(out: &Path) -> Result<(), CliError> {
     let name = cells
         .first()
         .map_or("", |cell| cell.evaluation.name.as_str());
-    let title = format!("{} with each guard switched off", name.replace('_', " "));
+    let title = format!("{} with its guards switched off", name.replace('_', " "));
     let title = with_version(&title, is_quick);
     keep_text(&out.join("table.md"), table.as_bytes())?;
     let rates: Vec<Rate> = cells.iter().map(rate).collect();

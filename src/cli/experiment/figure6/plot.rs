@@ -4,9 +4,10 @@ use super::super::plan::with_version;
 use super::{CertaintyCell, LISTED, Line, NAME, TASK};
 use crate::cli::error::CliError;
 use crate::experiment::mean_interval_95;
-use crate::view::{Rate, write_rates_svg};
+use crate::view::{Rate, Spread, write_rates_svg, write_spreads_svg};
 
-/// Makes the plot of the cells that are there.
+/// Makes the plots of the cells that are there: of probabilities, and of how sure each episode's first action is, which means
+/// of probabilities do not show.
 pub(super) fn draw(out: &Path, cells: &[(&Line, CertaintyCell)]) -> Result<(), CliError> {
     let rates = cells.iter().flat_map(|(line, cell)| rates(line, cell));
     let rates: Vec<Rate> = rates.collect();
@@ -14,7 +15,27 @@ pub(super) fn draw(out: &Path, cells: &[(&Line, CertaintyCell)]) -> Result<(), C
     let title = format!("First action of {TASK}: mean probability, 95 % interval");
     let title = with_version(&title, is_quick);
     let file = out.join(format!("{NAME}.svg"));
-    Ok(write_rates_svg(&file, &rates, &title, None)?)
+    write_rates_svg(&file, &rates, &title, None)?;
+    let spreads = cells.iter().map(|(line, cell)| spread(line, cell));
+    let spreads: Vec<Spread> = spreads.collect();
+    let title = format!("First action of {TASK}: entropy in each episode, mean, 95 % interval");
+    let title = with_version(&title, is_quick);
+    let file = out.join(format!("{NAME}_entropy.svg"));
+    let scale = "nats; the surer of its action, the less";
+    Ok(write_spreads_svg(&file, &spreads, &title, scale)?)
+}
+
+/// The entropies of a line.
+fn spread(line: &Line, cell: &CertaintyCell) -> Spread {
+    let of_mean = |value: f64| (value - cell.entropy).powi(2);
+    let square = cell.entropies.iter().copied().map(of_mean).sum::<f64>();
+    let deviation = (square / cell.entropies.len().max(1) as f64).sqrt();
+    Spread {
+        label: line.described.to_owned(),
+        values: cell.entropies.clone(),
+        interval: mean_interval_95(cell.entropy, deviation, cell.entropies.len()),
+        stands_out: line.method.plans,
+    }
 }
 
 /// The most probable actions of a line, and those that the paper tells of it beside what they are here.
@@ -102,6 +123,17 @@ mod tests {
     }
 
     #[test]
+    fn entropies_are_drawn_one_by_one_with_the_interval_of_their_mean() {
+        let mut cell = cell();
+        (cell.entropies, cell.entropy) = (vec![1.0, 2.0, 3.0], 2.0);
+        let spread = spread(&LINES[0], &cell);
+        assert_eq!((spread.values.len(), spread.stands_out), (3, false));
+        // The sample's deviation is 1: 2 ± 4.303 / √3.
+        let [low, high] = spread.interval.unwrap();
+        assert!((high - low - 2.0 * 4.302_653 / 3.0_f64.sqrt()).abs() < 1e-6);
+    }
+
+    #[test]
     fn a_plot_of_the_small_version_says_so() {
         let place = tempfile::tempdir().unwrap();
         for is_quick in [false, true] {
@@ -110,6 +142,8 @@ mod tests {
             let svg = std::fs::read_to_string(place.path().join("fig6.svg")).unwrap();
             assert_eq!(svg.contains("(small version)"), is_quick, "{svg}");
             assert!(svg.contains("95 % interval") && svg.contains(">the paper's robot<"));
+            let sure = std::fs::read_to_string(place.path().join("fig6_entropy.svg")).unwrap();
+            assert_eq!(sure.contains("(small version)"), is_quick, "{sure}");
             assert!(
                 svg.contains(">ours, one goal state: base_forward<"),
                 "{svg}"
