@@ -37,16 +37,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         .flat_map(DemonstrationSet::trajectories)
         .flat_map(|t| &t.steps);
     let space = sets[0].action_space().binned(steps.map(|s| &s.action), 11);
-    let sets = sets
-        .iter()
-        .map(|set| {
-            let mut trajectories = set.trajectories().to_vec();
-            for trajectory in &mut trajectories {
-                trajectory.action_space = space.clone();
-            }
-            DemonstrationSet::new(set.task(), trajectories)
-        })
-        .collect::<Result<Vec<_>, _>>()?;
+    let sets: Vec<_> = sets
+        .into_iter()
+        .map(|set| set.with_action_space(&space))
+        .collect();
 
     let report = train(
         &sets,

@@ -161,6 +161,16 @@ impl DemonstrationSet {
         &self.trajectories[0].action_space
     }
 
+    /// The same demonstrations with another action space, such as one whose dimensions are cut into bins
+    /// ([`ActionSpace::binned`]). Whether their actions lie in it is not checked: a training tells of one that does not.
+    #[must_use]
+    pub fn with_action_space(mut self, space: &ActionSpace) -> Self {
+        for trajectory in &mut self.trajectories {
+            trajectory.action_space = space.clone();
+        }
+        self
+    }
+
     /// Number of steps of all trajectories together.
     #[must_use]
     pub fn step_count(&self) -> usize {
@@ -172,6 +182,16 @@ impl DemonstrationSet {
 mod tests {
     use super::*;
     use crate::trajectory::Image;
+
+    #[test]
+    fn all_demonstrations_of_a_set_get_the_other_action_space() {
+        let trajectories = ["a", "b"].map(|id| trajectory(id, ["left", "right"]));
+        let set = DemonstrationSet::new("task", trajectories.to_vec()).expect("they agree");
+        let other = trajectory("c", ["up", "down"]).action_space;
+        let set = set.with_action_space(&other);
+        assert_eq!(*set.action_space(), other);
+        assert!(set.trajectories().iter().all(|t| t.action_space == other));
+    }
 
     /// A trajectory of one step.
     fn trajectory(id: &str, names: [&str; 2]) -> Trajectory {

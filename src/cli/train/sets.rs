@@ -60,18 +60,16 @@ fn binned(
     if space == *first.action_space() {
         return Ok(sets);
     }
-    let rebinned = sets.iter().map(|set| {
-        if set.action_space() != first.action_space() {
+    let unbinned = first.action_space().clone();
+    let rebinned = sets.into_iter().map(|set| {
+        if *set.action_space() == unbinned {
+            set.with_action_space(&space)
+        } else {
             // Told by the training, with the names of both sets.
-            return Ok(set.clone());
+            set
         }
-        let mut trajectories = set.trajectories().to_vec();
-        for trajectory in &mut trajectories {
-            trajectory.action_space = space.clone();
-        }
-        DemonstrationSet::new(set.task(), trajectories)
     });
-    Ok(rebinned.collect::<Result<_, _>>()?)
+    Ok(rebinned.collect())
 }
 
 /// How each dimension of binned actions is cut, a line each.
