@@ -88,6 +88,19 @@ pub(super) fn grid_line(canvas: &mut Canvas, x: f32, bottom: f32, told: &str) {
     canvas.text(x, bottom + 20.0, set, told);
 }
 
+/// The least of 1, 2 and 5 times powers of ten that is not below `wanted`, which is above 0.
+pub(super) fn round_step(wanted: f64) -> f64 {
+    let power = 10.0_f64.powf(wanted.log10().floor());
+    let rounds = [1.0, 2.0, 5.0].map(|round| round * power);
+    let fits = rounds.into_iter().find(|step| *step >= wanted);
+    fits.unwrap_or(10.0 * power)
+}
+
+/// Digits behind the point with which multiples of such a step are written.
+pub(super) fn decimals(step: f64) -> usize {
+    (-(step.log10() + 1e-9).floor()).max(0.0) as usize
+}
+
 /// The label in front of bars that begin at `left`.
 pub(super) fn label(canvas: &mut Canvas, left: f32, middle: f32, text: &str) {
     let set = Type {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::bars;
 use super::canvas::{Canvas, Type, text_width};
 use crate::view::palette::{self, GREY, INK, Rgb};
 use crate::view::{ViewError, file};
@@ -187,11 +188,8 @@ fn share(value: f64, (low, high): (f64, f64)) -> f32 {
 /// how each is written.
 fn ticks((first, last): (f64, f64), nearest: f64) -> Vec<(f64, String)> {
     let wanted = ((last - first) / MARKS).max(nearest);
-    let power = 10.0_f64.powf(wanted.log10().floor());
-    let rounds = [1.0, 2.0, 5.0].map(|round| round * power);
-    let fits = rounds.into_iter().find(|step| *step >= wanted);
-    let step = fits.unwrap_or(10.0 * power);
-    let decimals = (-(step.log10() + 1e-9).floor()).max(0.0) as usize;
+    let step = bars::round_step(wanted);
+    let decimals = bars::decimals(step);
     let multiples = (0..).map(|index| ((first / step).ceil() + f64::from(index)) * step);
     // The last one is often the largest value, but for how it is computed.
     let within = multiples.take_while(|value| *value <= last + 1e-9 * step);

@@ -31,8 +31,6 @@ const DOT: f32 = 3.4;
 const RIGHT: f32 = 70.0;
 /// The golden ratio's fractional part: multiples of it lie evenly between 0 and 1, however many there are.
 const GOLDEN: f32 = 0.618_034;
-/// Distances between lines of the grid are these times powers of ten.
-const ROUND: [f64; 3] = [1.0, 2.0, 5.0];
 /// Lines of the grid beside the first, at most.
 const LINES: f64 = 8.0;
 
@@ -48,7 +46,7 @@ pub fn spreads_svg(spreads: &[Spread], title: &str, scale: &str) -> String {
     let step = step(spreads);
     let lines = (largest(spreads) / step).ceil().max(1.0);
     let at = |value: f64| left + (value / (lines * step)) as f32 * (WIDTH - RIGHT - left);
-    let decimals = (-step.log10().floor()).max(0.0) as usize;
+    let decimals = bars::decimals(step);
     for line in 0..=lines as usize {
         let value = line as f64 * step;
         bars::grid_line(
@@ -97,14 +95,9 @@ fn draw(canvas: &mut Canvas, spread: &Spread, middle: f32, at: &dyn Fn(f64) -> f
             rim.hex()
         ));
     }
-    let set = Type {
-        size: bars::LABEL_SIZE,
-        weight: 600,
-        colour: INK.mixed(GREY, 0.2),
-        ..Type::default()
-    };
     let figure = format!("{mean:.2}");
-    canvas.text(WIDTH - RIGHT + 14.0, middle + 5.0, set, &figure);
+    let colour = INK.mixed(GREY, 0.2);
+    bars::figure(canvas, WIDTH - RIGHT + 14.0, middle, colour, &figure);
 }
 
 fn mean(values: &[f64]) -> Option<f64> {
@@ -127,10 +120,7 @@ fn step(spreads: &[Spread]) -> f64 {
     if largest <= 0.0 {
         return 1.0;
     }
-    let power = 10.0_f64.powf((largest / LINES).log10().floor());
-    let rounds = ROUND.map(|round| round * power);
-    let enough = rounds.into_iter().find(|round| largest <= LINES * round);
-    enough.unwrap_or(10.0 * power)
+    bars::round_step(largest / LINES)
 }
 
 /// Writes [`spreads_svg`] to a file, which is there as a whole or not at all.

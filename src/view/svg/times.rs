@@ -167,7 +167,7 @@ const SHORTEST: f64 = 1e-6;
 
 /// A number of which all digits but the first are 0.
 fn told(mark: f64) -> String {
-    let decimals = (-(mark.log10() + 1e-9).floor()).max(0.0) as usize;
+    let decimals = bars::decimals(mark);
     format!("{mark:.decimals$}")
 }
 
